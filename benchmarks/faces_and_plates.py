@@ -20,15 +20,10 @@ from typing import Any
 import numpy as np
 
 from facade_core.core.types import Box
-from facade_core.imagery.detect.detection import (
-    SEARCH_BOTTOM_SHARE,
-    SEARCH_TOP_SHARE,
-    FacesPlatesAndText,
-    detect_faces_plates_text,
-    find_plates_and_text,
-)
+from facade_core.imagery.detect.detection import FacesPlatesAndText, detect_faces_plates_text, find_plates_and_text
 from facade_core.imagery.detect.facade_detection import detect_on_facade
 from facade_core.imagery.detect.faces import box_ious, find_faces
+from facade_core.imagery.detect.settings import DETECTION
 from facade_core.parsing.occluders import clean_occluder_mask
 from facade_core.parsing.segmenter import parse
 from training.datasets.facades import LabelledFacade
@@ -76,7 +71,9 @@ def measure_panoramas(folder: Path) -> dict[str, int]:
     for name, boxes in marked.items():
         with Image.open(folder / name) as picture:
             image = np.asarray(picture.convert("RGB"))
-        first, last = (round(share * len(image)) for share in (SEARCH_TOP_SHARE, SEARCH_BOTTOM_SHARE))
+        first, last = (
+            round(share * len(image)) for share in (DETECTION.search_top_share, DETECTION.search_bottom_share)
+        )
         seen = FacesPlatesAndText(faces=find_faces(image[first:last])[0]).translate(0, first)
         _count(counts, boxes, seen, image.shape[:2])
     return counts

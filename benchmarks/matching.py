@@ -22,7 +22,7 @@ from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
 from facade_core.imagery.poses.photo_matching import estimate_orientation, match_walls
 from facade_core.imagery.rectify.photo import rectify
-from tasks.matching.photo_matches import MAX_CANDIDATES, MIN_CERTAIN_PROBABILITY, MIN_PROBABILITY
+from tasks.matching.settings import MATCHING
 
 OUTCOMES = ("right", "wrong", "unclear, the true one told", "unclear", "lost")
 WIDE_DEG, SIZE, PANORAMA = 75.0, (960, 1280), 4096
@@ -94,10 +94,12 @@ def measure(streets: int, buildings: int) -> dict[str, Any]:
 
 
 def _outcome(walls: np.ndarray, likely: np.ndarray, truth: int) -> str:
-    order = np.argsort(-likely, kind="stable")[:MAX_CANDIDATES]
-    if likely[order[0]] >= MIN_CERTAIN_PROBABILITY:
+    order = np.argsort(-likely, kind="stable")[: MATCHING.max_candidates]
+    if likely[order[0]] >= MATCHING.min_certain_probability:
         return "right" if walls[order[0]] == truth else "wrong"
-    return "unclear, the true one told" if truth in walls[order[likely[order] >= MIN_PROBABILITY]] else "unclear"
+    return (
+        "unclear, the true one told" if truth in walls[order[likely[order] >= MATCHING.min_probability]] else "unclear"
+    )
 
 
 def main() -> None:

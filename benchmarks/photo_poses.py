@@ -30,7 +30,8 @@ from catalogs.readers.pictures.cameras.placement import place_by_gps
 from facade_core.core.types import Pose
 from facade_core.geometry.ground.terrain import Terrain
 from tasks.engine.compute.worker_setup import limit_threads
-from tasks.matching.photo_cameras import HAND_HEIGHT_M, PhotoCamera, camera_pose, place_groups
+from tasks.matching.photo_cameras import PhotoCamera, camera_pose, place_groups
+from tasks.matching.settings import MATCHING
 from tasks.matching.structure_from_motion import PhotoGroup, reconstruct_photos
 
 # Error of the stated places on either axis, metres.
@@ -103,7 +104,7 @@ def _place_by_gps(groups: Sequence[PhotoGroup], files: Sequence[Path], places: n
     """Place groups by GPS alone, at a hand's height."""
     by_path, cameras = dict(zip(files, places, strict=True)), {}
     for group in groups:
-        own = np.array([(*by_path[path], HAND_HEIGHT_M) for path in group.paths])
+        own = np.array([(*by_path[path], MATCHING.hand_height_m) for path in group.paths])
         gps = place_by_gps("pictures", group.centres, group.rotations, own)
         for path, centre, rotation, lens in zip(
             group.paths, gps.apply(group.centres), group.rotations @ gps.rotation.T, group.lenses, strict=True

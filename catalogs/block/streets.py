@@ -13,7 +13,7 @@ from shapely import LineString
 
 from catalogs.crs import coordinate_transform
 from catalogs.features import Centreline, CentrelinesAndGround, Fault, natural_sort_key
-from catalogs.readers.limits import MAX_STREET_LENGTH_M
+from catalogs.readers.settings import LIMITS
 from facade_core.core.arrays import ObjectArray
 from facade_core.core.types import Street
 
@@ -46,7 +46,7 @@ def build_block_streets(
 
     Returns
     -------
-    Streets and faults, each ordered by id. A street longer than MAX_STREET_LENGTH_M is a fault, and so is one shorter
+    Streets and faults, each ordered by id. A street longer than LIMITS.max_street_length_m is a fault, and so is one shorter
     than MIN_STREET_LENGTH_M, unless clipping made it short.
     """
     pieces = sorted(source.items, key=lambda piece: (natural_sort_key(piece.id), shapely.to_wkb(piece.line) or b""))
@@ -68,10 +68,10 @@ def build_block_streets(
     merged: dict[str, list[tuple[LineString, str | None]]] = defaultdict(list)
     for name in sorted(by_name):
         for first, line in _merge_pieces(by_name[name]):
-            if line.length > MAX_STREET_LENGTH_M:
+            if line.length > LIMITS.max_street_length_m:
                 reason = (
-                    f"is {line.length / 1000:,.0f} km long within the block, over {MAX_STREET_LENGTH_M / 1000:g}: no street "
-                    "is; draw it again, remove it, or give area"
+                    f"is {line.length / 1000:,.0f} km long within the block, over {LIMITS.max_street_length_m / 1000:g}: no "
+                    "street is; draw it again, remove it, or give area"
                 )
                 faults.append(Fault(first.id, "street", reason, first.line))
             elif line.length >= MIN_STREET_LENGTH_M:

@@ -19,6 +19,7 @@ from catalogs.buildings.part_files import attach_parts
 from catalogs.buildings.parts import PartCandidate, host_outline_indices, split_buildings_into_parts
 from catalogs.buildings.repeated_outlines import find_repeated_outlines
 from catalogs.buildings.roofs import add_assumed_roofs
+from catalogs.buildings.settings import SITES
 from catalogs.crs import coordinate_transform
 from catalogs.features import BuildingModels, Fault, Footprint, Footprints, format_reason_notes, natural_sort_key
 from catalogs.reader_errors import fault_reason
@@ -29,16 +30,7 @@ if TYPE_CHECKING:
     from pyproj import CRS
     from shapely.geometry.base import BaseGeometry
 
-MIN_FOOTPRINT_M2 = 10.0  # m2; smaller outlines are kiosks, masts or mapping errors
-MIN_PART_M2 = 4.0  # m2; of building parts
-CONTEXT_DISTANCE_M = 500.0  # m; known heights of buildings within this distance of the area count too
-MAX_SLIVER_SHARE = 0.02  # area share by which repair may change a self-intersecting outline
-DUPLICATE_SHARE = 0.5  # area share inside a building of an earlier source, above which both are the same
-# Area share of the smaller outline by which two buildings of one id may overlap.
-MAX_NEIGHBOUR_OVERLAP = 0.05
 
-
-ASSUMED_FLOOR_M = 3.0  # m; ranks levels among heights
 REPEATED_REASON = "buildings with the outline of another in their file, the highest kept"
 
 
@@ -87,8 +79,8 @@ def assemble_buildings(
     """Build the buildings of a block in its metric frame, ordered by id.
 
     A MultiPolygon becomes one building per part, id-0, id-1, ... from west to east. A building that an earlier source has
-    too (DUPLICATE_SHARE of its outline, or the same id and more than MAX_NEIGHBOUR_OVERLAP) is dropped with a note. A
-    different building with a used id is numbered: id-2, id-3, ..., with a note.
+    too (SITES.duplicate_share of its outline, or the same id and more than SITES.max_neighbour_overlap) is dropped with a note.
+    A different building with a used id is numbered: id-2, id-3, ..., with a note.
 
     Parameters
     ----------
@@ -161,7 +153,7 @@ def _add_parts(
         )
         merged = replace(part.footprint, use=kind, year_built=built)
         stated.append(PartCandidate(part.building, merged, None if whole is None else whole.building.id))
-    found_parts = split_buildings_into_parts(buildings, stated, floor_height, MIN_FOOTPRINT_M2, reasons)
+    found_parts = split_buildings_into_parts(buildings, stated, floor_height, SITES.min_footprint_m2, reasons)
     return tuple(sorted(found_parts, key=lambda building: natural_sort_key(building.id)))
 
 
@@ -178,7 +170,7 @@ def _footprint_candidates(
     pieces: list[tuple[Footprint, str, Polygon]] = []
     outlines = _project([footprint.outline for footprint in source.items], source.crs, crs)
     for footprint, stated in zip(source.items, outlines, strict=True):
-        outline, smallest = stated, MIN_PART_M2 if footprint.is_part else MIN_FOOTPRINT_M2
+        outline, smallest = stated, SITES.min_part_m2 if footprint.is_part else SITES.min_footprint_m2
         try:
             outline = _without_stray_holes(stated)
             if outline is not stated:
@@ -214,7 +206,7 @@ def _footprint_candidates(
         candidate = _Candidate(replace(building, finish=footprint.finish), footprint, whole)
         if inside:
             candidates.append(candidate)
-        elif _states_floor_height(candidate) and shapely.dwithin(area, outline, CONTEXT_DISTANCE_M):
+        elif _states_floor_height(candidate) and shapely.dwithin(area, outline, SITES.context_distance_m):
             around.append(candidate)
     return candidates
 
@@ -227,7 +219,7 @@ def _drop_repeated_outlines(
         (one.is_part, one.min_height, one.min_level, None if one.base is None else round(one.base))
         for one, _, _ in pieces
     ]
-    heights = [one.height or ASSUMED_FLOOR_M * (one.levels or 0.0) for one, _, _ in pieces]
+    heights = [one.height or SITES.assumed_floor_m * (one.levels or 0.0) for one, _, _ in pieces]
     repeated = find_repeated_outlines([outline for _, _, outline in pieces], kinds, heights).tolist()
     reasons[REPEATED_REASON] += [id for (_, id, _), drop in zip(pieces, repeated, strict=True) if drop]
     return [piece for piece, drop in zip(pieces, repeated, strict=True) if not drop]
@@ -247,8 +239,8 @@ def _model_candidates(
             faults.append(Fault(model.id, "building", outline))
         elif area is not None and not area.contains(outline.representative_point()):
             continue
-        elif outline.area < MIN_FOOTPRINT_M2:
-            reasons[f"models that cover under {MIN_FOOTPRINT_M2:g} m2 set aside"].append(model.id)
+        elif outline.area < SITES.min_footprint_m2:
+            reasons[f"models that cover under {SITES.min_footprint_m2:g} m2 set aside"].append(model.id)
         else:
             low, high = float(shell.vertices[:, 2].min()), float(shell.vertices[:, 2].max())
             base = model.base if model.base is not None and low - 2.0 <= model.base < high else low
@@ -282,7 +274,7 @@ def _drop_duplicates(
         id, outline = candidate.building.id, candidate.building.footprint
         others = [earlier[i].building.footprint for i in tree.query(outline, predicate="intersects")]
         shared = max((outline.intersection(other).area for other in others), default=0.0)
-        if shared > DUPLICATE_SHARE * outline.area or any(_overlap(outline, other) for other in stated[id]):
+        if shared > SITES.duplicate_share * outline.area or any(_overlap(outline, other) for other in stated[id]):
             reasons["buildings stated twice, the first kept"].append(id)
             continue
         stated[id].append(outline)
@@ -297,7 +289,7 @@ def _drop_duplicates(
 
 
 def _overlap(outline: BaseGeometry, other: BaseGeometry) -> bool:
-    return bool(outline.intersection(other).area > MAX_NEIGHBOUR_OVERLAP * min(outline.area, other.area))
+    return bool(outline.intersection(other).area > SITES.max_neighbour_overlap * min(outline.area, other.area))
 
 
 def _assume_heights(
@@ -396,7 +388,7 @@ def _find_defect(outline: BaseGeometry) -> str | None:
     # a ring that touches itself, or crosses itself in a sliver, encloses the intended area
     if (
         reason.startswith("Self-intersection")
-        and abs(_repair(outline).area - outline.area) > MAX_SLIVER_SHARE * outline.area
+        and abs(_repair(outline).area - outline.area) > SITES.max_sliver_share * outline.area
     ):
         return f"its footprint crosses itself ({reason.partition('[')[2].rstrip(']')}); mend or remove it"
     return None

@@ -7,17 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from catalogs.buildings.settings import SITES
 from catalogs.crs import LONLAT, coordinate_transform
 from facade_core.core.arrays import BoolArray, Float64Array
 
 if TYPE_CHECKING:
     from pyproj import CRS
-
-AREA_MARGIN_DEG = 2.0  # tolerance around the area of use of a CRS
-NEARBY_DEG = 0.5  # swapped coordinates of one place agree with those of its other files
-_MAX_SIZE_DEG = 0.05  # median size of a building in degrees
-_MAX_LOCAL_COORDINATE = 20_000.0  # m; of a model in a frame of its own
-_MAX_ORIGIN_ERROR_DEG = 0.2  # of latitude, for 20 km
 
 
 def axis_mistake(frame: CRS, boxes: Float64Array) -> str | None:
@@ -51,7 +46,7 @@ def looks_like_degrees(boxes: Float64Array) -> bool:
     if not len(boxes):
         return False
     sizes = (boxes[:, 2:] - boxes[:, :2]).max(axis=1)
-    return bool((np.abs(boxes) <= (180.0, 90.0, 180.0, 90.0)).all() and np.median(sizes) < _MAX_SIZE_DEG)
+    return bool((np.abs(boxes) <= (180.0, 90.0, 180.0, 90.0)).all() and np.median(sizes) < SITES.max_median_size_deg)
 
 
 def note_local_coordinates(frame: CRS, extent: Sequence[float]) -> tuple[str, ...]:
@@ -63,11 +58,11 @@ def note_local_coordinates(frame: CRS, extent: Sequence[float]) -> tuple[str, ..
     extent : (xmin, ymin, xmax, ymax) around the buildings, metres.
     """
     area = frame.area_of_use
-    if area is None or max(map(abs, extent)) > _MAX_LOCAL_COORDINATE:
+    if area is None or max(map(abs, extent)) > SITES.max_local_coordinate:
         return ()
     middle = np.array([[(extent[0] + extent[2]) / 2, (extent[1] + extent[3]) / 2]])
     longitude, latitude = coordinate_transform(frame, LONLAT)(middle[:, 0], middle[:, 1])
-    if _lies_in_area_of_use(frame, longitude, latitude - _MAX_ORIGIN_ERROR_DEG):
+    if _lies_in_area_of_use(frame, longitude, latitude - SITES.max_origin_error_deg):
         return ()
     return (
         f"coordinates of the buildings (as in {middle[0, 0]:.0f}, {middle[0, 1]:.0f}) look local: near the origin of "
@@ -93,7 +88,7 @@ def _area_of_use_mask(frame: CRS, longitude: Float64Array, latitude: Float64Arra
 
 def swapped_places(first: Float64Array, second: Float64Array) -> bool:
     """Return True where two boxes (west, south, east, north), degrees, meet once the axes of one are swapped."""
-    west, south, east, north = second[[1, 0, 3, 2]] + np.array([-1, -1, 1, 1]) * NEARBY_DEG
+    west, south, east, north = second[[1, 0, 3, 2]] + np.array([-1, -1, 1, 1]) * SITES.max_swapped_gap_deg
     return bool(first[0] <= east and first[2] >= west and first[1] <= north and first[3] >= south)
 
 
@@ -102,7 +97,7 @@ def _is_in_use(frame: CRS, points: Float64Array) -> BoolArray:
     longitude, latitude = coordinate_transform(frame, LONLAT)(points[:, 0], points[:, 1])
     with np.errstate(invalid="ignore"):
         found: BoolArray = np.isfinite(longitude + latitude) & (np.abs(longitude) <= 360.0) & (np.abs(latitude) <= 90.0)
-        found &= _area_of_use_mask(frame, longitude, latitude, AREA_MARGIN_DEG)
+        found &= _area_of_use_mask(frame, longitude, latitude, SITES.area_margin_deg)
     if not frame.is_geographic:  # beyond its zone a projection may fold back
         x, y = coordinate_transform(LONLAT, frame)(longitude, latitude)
         with np.errstate(invalid="ignore"):

@@ -7,13 +7,10 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import replace
 
+from catalogs.buildings.settings import SITES
 from catalogs.buildings.surface_heights import heights_within
 from catalogs.features import format_reason_notes
 from facade_core.core.types import Building, ElevationRaster
-
-# Least depth of a foot below the lowest ground around its building that is cut off, and least height that is left, metres.
-MIN_BURIED_M = 0.5
-MIN_VISIBLE_M = 2.5
 
 
 def cut_buried_feet(
@@ -70,4 +67,4 @@ def _is_buried(building: Building, lowest: float) -> bool:
     if building.base is None:
         return False
     depth = lowest - building.base
-    return depth >= MIN_BURIED_M and building.height - depth >= MIN_VISIBLE_M
+    return depth >= SITES.min_buried_m and building.height - depth >= SITES.min_visible_m

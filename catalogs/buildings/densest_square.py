@@ -7,10 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from catalogs.buildings.extents import MAX_BUILDING_SIZE_M, Bounds, BuildingSource, locate_boxes
+from catalogs.buildings.extents import Bounds, BuildingSource, locate_boxes
+from catalogs.buildings.settings import SITES
 from catalogs.crs import EARTH_RADIUS_M
-
-_STEPS_PER_SIDE = 4  # positions of the square per side
 
 
 def square_bounds(longitude: float, latitude: float, size: float) -> Bounds:
@@ -42,12 +41,12 @@ def densest_building_square(sources: Sequence[BuildingSource], size: float) -> B
     """
     found = [locate_boxes(source.crs, source.bounding_boxes()) for source in sources if source.crs and source.items]
     corners = np.concatenate(
-        [places.corners[places.size <= MAX_BUILDING_SIZE_M] for places in found] or [np.empty((0, 4, 2))]
+        [places.corners[places.size <= SITES.max_building_size_m] for places in found] or [np.empty((0, 4, 2))]
     )
     if not len(corners):
         return None
     middle = corners.mean(axis=1)
-    step = size / _STEPS_PER_SIDE
+    step = size / SITES.square_steps_per_side
     up = math.degrees(step / EARTH_RADIUS_M)
     # sparse cells: boxes far apart would need a large grid
     row = np.floor(middle[:, 1] / up).astype(np.int64)
@@ -58,14 +57,16 @@ def densest_building_square(sources: Sequence[BuildingSource], size: float) -> B
     covered = np.bincount(cell.ravel(), weights=spans.prod(axis=1))
     # candidate squares contain at least one occupied cell
     begins = cells[:, None] - np.stack(
-        np.meshgrid(range(_STEPS_PER_SIDE), range(_STEPS_PER_SIDE), indexing="ij"), -1
+        np.meshgrid(range(SITES.square_steps_per_side), range(SITES.square_steps_per_side), indexing="ij"), -1
     ).reshape(-1, 2)
     squares, square = np.unique(begins.reshape(-1, 2), axis=0, return_inverse=True)
-    within = np.bincount(square.ravel(), weights=np.repeat(covered, _STEPS_PER_SIDE * _STEPS_PER_SIDE))
+    within = np.bincount(
+        square.ravel(), weights=np.repeat(covered, SITES.square_steps_per_side * SITES.square_steps_per_side)
+    )
     west, south = squares[within.argmax()]
     return (
         float(west * right),
         float(south * up),
-        float((west + _STEPS_PER_SIDE) * right),
-        float((south + _STEPS_PER_SIDE) * up),
+        float((west + SITES.square_steps_per_side) * right),
+        float((south + SITES.square_steps_per_side) * up),
     )

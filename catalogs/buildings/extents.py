@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, TypeVar, overload
 import numpy as np
 
 from catalogs.buildings.axis_mistakes import axis_mistake
+from catalogs.buildings.settings import SITES
 from catalogs.crs import EARTH_RADIUS_M, LONLAT, coordinate_transform, has_east_north_axes, parse_crs
 from catalogs.features import BuildingModels, CentrelinesAndGround, Fault, Footprints
 from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array
@@ -21,14 +22,6 @@ from facade_core.core.errors import InputError
 if TYPE_CHECKING:
     from pyproj import CRS
 
-MAX_BUILDING_SIZE_M = 5_000.0  # the largest halls and terminals are 1 to 3 km long
-MAX_BLOCK_SPAN_M = 50_000.0  # limit of a block and of a city
-NEIGHBOUR_DISTANCE_M = 5_000.0  # buildings nearer than this are neighbours
-MAX_STRAY_SHARE = 0.5  # size of a stray group over that of the largest one
-_CELLS_PER_DISTANCE = 5  # grid cells per NEIGHBOUR_DISTANCE_M
-_AREA_MARGIN_DEG = 2.0  # tolerance around the area of use of a CRS
-
-MAX_AREA_SPAN_M = 200_000.0  # limit of a search area
 
 BuildingSource = Footprints | BuildingModels
 SourceT = TypeVar("SourceT", Footprints, BuildingModels)
@@ -86,9 +79,9 @@ def check_area_span(area: Sequence[float]) -> None:
     west, south, east, north = area
     wide = EARTH_RADIUS_M * math.radians(east - west) * math.cos(math.radians((south + north) / 2))
     span = max(wide, EARTH_RADIUS_M * math.radians(north - south))
-    if span > MAX_AREA_SPAN_M:
+    if span > SITES.max_area_span_m:
         raise InputError(
-            f"{list(area)} spans {span / 1000:,.0f} km; give the block's own, up to {MAX_AREA_SPAN_M / 1000:g} km"
+            f"{list(area)} spans {span / 1000:,.0f} km; give the block's own, up to {SITES.max_area_span_m / 1000:g} km"
         )
 
 
@@ -134,8 +127,8 @@ def _check_axis_order(frame: CRS, longitude: float, latitude: float) -> None:
     """
     area = frame.area_of_use
     if area is not None and not (
-        area.south - _AREA_MARGIN_DEG <= latitude <= area.north + _AREA_MARGIN_DEG
-        and area.west - _AREA_MARGIN_DEG <= longitude <= area.east + _AREA_MARGIN_DEG
+        area.south - SITES.area_margin_deg <= latitude <= area.north + SITES.area_margin_deg
+        and area.west - SITES.area_margin_deg <= longitude <= area.east + SITES.area_margin_deg
     ):
         axes = " and ".join(axis.direction for axis in frame.axis_info)
         raise InputError(
@@ -149,8 +142,8 @@ def reject_stray_buildings(
 ) -> tuple[list[BuildingSource], Bounds | None]:
     """Turn buildings that cannot belong to one block into faults.
 
-    A building is rejected where it has no location, exceeds MAX_BUILDING_SIZE_M, or belongs to a small group farther than
-    NEIGHBOUR_DISTANCE_M from the main one.
+    A building is rejected where it has no location, exceeds SITES.max_building_size_m, or belongs to a small group farther than
+    SITES.neighbour_distance_m from the main one.
 
     Parameters
     ----------
@@ -167,13 +160,13 @@ def reject_stray_buildings(
     Raises
     ------
     InputError
-        Where the accepted buildings span more than MAX_BLOCK_SPAN_M.
+        Where the accepted buildings span more than SITES.max_block_span_m.
     """
     found = [locate_boxes(source.crs, source.bounding_boxes()) for source in sources if source.crs]
     every = BoxLocations(*(np.concatenate([getattr(p, name) for p in found]) for name in ("corners", "centre", "size")))
     owner = np.repeat(np.arange(len(found)), [len(places.size) for places in found])
     meant = every.location_mask & _intersects_area(every.corners, area)
-    sound = meant & (every.size <= MAX_BUILDING_SIZE_M)
+    sound = meant & (every.size <= SITES.max_building_size_m)
     spanned = every.lonlat_bounds(every.location_mask) if every.location_mask.any() else None
     group = np.full(len(owner), -1)
     group[sound] = _neighbour_groups(every.centre[sound])
@@ -189,7 +182,7 @@ def reject_stray_buildings(
         west, south, east, north = every.lonlat_bounds(np.array([index]))
         reasons[index] = (
             f"it reaches from {west:.4f}, {south:.4f} to {east:.4f}, {north:.4f}, {every.size[index] / 1000:,.0f} km; a "
-            f"building is up to {MAX_BUILDING_SIZE_M / 1000:g} km long: mend its corners, or remove it"
+            f"building is up to {SITES.max_building_size_m / 1000:g} km long: mend its corners, or remove it"
         )
     for index in np.flatnonzero(sound & ~kept).tolist():
         longitude, latitude = every.mean_lonlat(np.array([index]))
@@ -241,9 +234,11 @@ def _neighbour_groups(points: Float64Array) -> Int32Array:
     if len(points) == 0:
         return np.empty(0, np.int64)
     cells, cell = np.unique(
-        np.floor(points / (NEIGHBOUR_DISTANCE_M / _CELLS_PER_DISTANCE)), axis=0, return_inverse=True
+        np.floor(points / (SITES.neighbour_distance_m / SITES.cells_per_neighbour_distance)),
+        axis=0,
+        return_inverse=True,
     )
-    pairs = cKDTree(cells).query_pairs(_CELLS_PER_DISTANCE, output_type="ndarray")
+    pairs = cKDTree(cells).query_pairs(SITES.cells_per_neighbour_distance, output_type="ndarray")
     graph = coo_array((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape=(len(cells), len(cells)))
     groups: Int32Array = connected_components(graph, directed=False)[1][cell]
     return groups
@@ -252,18 +247,18 @@ def _neighbour_groups(points: Float64Array) -> Int32Array:
 def _main_groups(places: BoxLocations, group: Int64Array, centrelines: CentrelinesAndGround | None) -> Int64Array:
     """Return the groups with many buildings; of distant ones those near streets."""
     counts = np.bincount(group[group >= 0])
-    main = np.flatnonzero(counts > MAX_STRAY_SHARE * counts.max(initial=0))
-    if _diagonal(places.centre[np.isin(group, main)]) <= MAX_BLOCK_SPAN_M:
+    main = np.flatnonzero(counts > SITES.max_stray_share * counts.max(initial=0))
+    if _diagonal(places.centre[np.isin(group, main)]) <= SITES.max_block_span_m:
         return main
     if len(main) > 1 and centrelines is not None and centrelines.crs and centrelines.items:
         streets = locate_boxes(centrelines.crs, centrelines.bounding_boxes())
         near = [g for g in main if _is_near_any(places.centre[group == g], streets.centre[streets.location_mask])]
-        if near and _diagonal(places.centre[np.isin(group, near)]) <= MAX_BLOCK_SPAN_M:
+        if near and _diagonal(places.centre[np.isin(group, near)]) <= SITES.max_block_span_m:
             return np.array(near)
     span = _diagonal(places.centre[np.isin(group, main)]) / 1000
     where = [f"{counts[g]} at {x:.4f}, {y:.4f}" for g in main[:3] for x, y in [places.mean_lonlat(group == g)]]
     raise InputError(
-        f"the buildings span {span:,.0f} km ({'; '.join(where)}), and a block up to {MAX_BLOCK_SPAN_M / 1000:g} km; "
+        f"the buildings span {span:,.0f} km ({'; '.join(where)}), and a block up to {SITES.max_block_span_m / 1000:g} km; "
         "give area, or mend the coordinates of those elsewhere"
     )
 
@@ -272,7 +267,7 @@ def _is_near_any(points: Float64Array, others: Float64Array) -> bool:
     from scipy.spatial import cKDTree
 
     return len(others) > 0 and bool(
-        np.isfinite(cKDTree(others).query(points, distance_upper_bound=2 * NEIGHBOUR_DISTANCE_M)[0]).any()
+        np.isfinite(cKDTree(others).query(points, distance_upper_bound=2 * SITES.neighbour_distance_m)[0]).any()
     )
 
 

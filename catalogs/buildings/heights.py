@@ -12,26 +12,13 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from catalogs.buildings.roofs import ATTACHED_DISTANCE_M, SHED_USES, hash_uniform_pair
+from catalogs.buildings.roofs import SHED_USES, hash_uniform_pair
+from catalogs.buildings.settings import HEIGHTS, ROOFS
 from catalogs.features import Footprint
 from facade_core.core.arrays import BoolArray, Float64Array, ObjectArray
 from facade_core.core.types import Building
 
-# Weight of a known building: exponential in the distance, Gaussian in the logarithm of the area ratio. Both scales were set by
-# hand on the errors of Helsinki's tagged buildings (`python -m benchmarks.heights`), without a held-out part.
-DISTANCE_SCALE_M = 250.0  # m
-LOG_AREA_SCALE = 2.0  # natural logarithm
-FAR_WEIGHT = 1e-3  # weight of distance at any distance
-MAX_NEIGHBOURS = 64  # nearest known buildings that count
-# Buildings of one floor: by use, by area, or by area where they are detached.
-MAX_LOW_AREA_M2 = 45.0  # m2
-MAX_DETACHED_LOW_AREA_M2 = 100.0  # m2
 ONE_FLOOR_USES = SHED_USES | {"kiosk", "pavilion", "greenhouse", "glasshouse", "toilets", "bungalow", "farm_auxiliary"}
-# Height in metres where no building of a block has one.
-FALLBACK_HEIGHT_M = 12.0
-# Share of buildings one floor below the median, and the same share above, estimated by eye from tagged buildings. The variation
-# avoids blocks of one height; the mean error grows by it (the same command).
-VARIATION_SHARE = 0.23
 
 
 class KnownFloors(NamedTuple):
@@ -77,7 +64,7 @@ def assume_heights(
         area[asked],
         chance[asked],
         KnownFloors(centre[known], area[known], levels[known]),
-        FALLBACK_HEIGHT_M / floor_height,
+        HEIGHTS.fallback_height_m / floor_height,
     )
     return tuple(
         replace(building, height=round(float(count) * floor_height, 2)) if assumed else building
@@ -87,11 +74,11 @@ def assume_heights(
 
 def _is_single_floor(outlines: ObjectArray, area: Float64Array, stated: Sequence[Footprint | None]) -> BoolArray:
     """Return a mask (n,) of the buildings that have one floor by use or size."""
-    low: BoolArray = (area < MAX_LOW_AREA_M2) | np.array(
+    low: BoolArray = (area < HEIGHTS.max_low_area_m2) | np.array(
         [source is not None and source.use in ONE_FLOOR_USES for source in stated], bool
     )
-    small = np.flatnonzero(~low & (area < MAX_DETACHED_LOW_AREA_M2))
-    near, _ = shapely.STRtree(outlines).query(outlines[small], predicate="dwithin", distance=ATTACHED_DISTANCE_M)
+    small = np.flatnonzero(~low & (area < HEIGHTS.max_detached_low_area_m2))
+    near, _ = shapely.STRtree(outlines).query(outlines[small], predicate="dwithin", distance=ROOFS.attached_distance_m)
     low[small[np.bincount(near, minlength=len(small)) <= 1]] = True  # each building is its own neighbour
     return low
 
@@ -115,15 +102,15 @@ def _estimate_floors(
     """
     from scipy.spatial import cKDTree
 
-    step = (chance > 1 - VARIATION_SHARE).astype(int) - (chance < VARIATION_SHARE).astype(int)
+    step = (chance > 1 - HEIGHTS.variation_share).astype(int) - (chance < HEIGHTS.variation_share).astype(int)
     if not len(known.levels) or not len(centre):
         assumed: Float64Array = np.maximum(1.0, np.round(default_floors) + step)
         return assumed
-    distance, index = cKDTree(known.centre).query(centre, k=min(MAX_NEIGHBOURS, len(known.levels)))
+    distance, index = cKDTree(known.centre).query(centre, k=min(HEIGHTS.max_neighbours, len(known.levels)))
     distance, index = distance.reshape(len(centre), -1), index.reshape(len(centre), -1)
     unlike = np.log(known.area[index] / area[:, None])
-    weight = (np.exp(-distance / DISTANCE_SCALE_M) + FAR_WEIGHT) * np.maximum(
-        np.exp(-0.5 * (unlike / LOG_AREA_SCALE) ** 2), 1e-6
+    weight = (np.exp(-distance / HEIGHTS.distance_scale_m) + HEIGHTS.far_weight) * np.maximum(
+        np.exp(-0.5 * (unlike / HEIGHTS.log_area_scale) ** 2), 1e-6
     )
     order = np.argsort(known.levels[index], axis=1, kind="stable")
     levels = np.take_along_axis(known.levels[index], order, axis=1)

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
+from catalogs.buildings.settings import SITES
 from catalogs.crs import coordinate_transform
 from catalogs.features import BuildingModel, BuildingModels, Footprints
 from catalogs.reader_errors import fault_reason
-from catalogs.readers.limits import MAX_BUILDING_HEIGHT_M, MAX_GROUND_HEIGHT_M, MIN_GROUND_HEIGHT_M
+from catalogs.readers.settings import LIMITS
 from facade_core.core.arrays import Float64Array
 from facade_core.core.types import SEMANTICS, BuildingShell
 
@@ -21,8 +22,6 @@ if TYPE_CHECKING:
     from shapely import MultiPolygon, Polygon
 
 GROUND = SEMANTICS.index("ground")
-WELD_M = 0.001  # m; corners within this distance are the same
-MAX_GAP_M = 0.01  # m; gaps between triangles up to this width are closed
 
 
 def split_off_solids(source: Footprints) -> tuple[Footprints, BuildingModels]:
@@ -60,11 +59,11 @@ def project_models(
             continue
         texture = np.where(shell.texture >= 0, shell.texture + first_texture, -1).astype(np.int32)
         shell = replace(shell, vertices=vertices, texture=texture)
-        if np.ptp(vertices[:, 2]) > MAX_BUILDING_HEIGHT_M:
-            yield model, shell, f"it is over {MAX_BUILDING_HEIGHT_M:g} m high; check its heights, or remove it"
+        if np.ptp(vertices[:, 2]) > LIMITS.max_building_height_m:
+            yield model, shell, f"it is over {LIMITS.max_building_height_m:g} m high; check its heights, or remove it"
             continue
         low = float(vertices[:, 2].min())
-        if not MIN_GROUND_HEIGHT_M <= low <= MAX_GROUND_HEIGHT_M:
+        if not LIMITS.min_ground_height_m <= low <= LIMITS.max_ground_height_m:
             yield (
                 model,
                 shell,
@@ -86,13 +85,13 @@ def shell_outline(shell: BuildingShell) -> Polygon | MultiPolygon:
     """
     corners = shell.vertices[shell.triangles][..., :2]
     edges = corners[:, 1:] - corners[:, :1]
-    flat = np.abs(edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]) > 2 * WELD_M
+    flat = np.abs(edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]) > 2 * SITES.weld_m
     ground = _union_triangles(corners[flat & (shell.semantic == GROUND)])
     return ground if ground.area > 0 else _union_triangles(corners[flat])
 
 
 def _union_triangles(triangles: Float64Array) -> Polygon | MultiPolygon:
-    covered = shapely.union_all(shapely.polygons(triangles), grid_size=WELD_M)
-    closed = covered.buffer(MAX_GAP_M, join_style="mitre").buffer(-MAX_GAP_M, join_style="mitre")
+    covered = shapely.union_all(shapely.polygons(triangles), grid_size=SITES.weld_m)
+    closed = covered.buffer(SITES.max_gap_m, join_style="mitre").buffer(-SITES.max_gap_m, join_style="mitre")
     polygons = [part for part in shapely.get_parts(closed) if part.geom_type == "Polygon"]
     return shapely.normalize(shapely.union_all(polygons))

@@ -11,21 +11,10 @@ import shapely
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from catalogs.buildings.roofs import MIN_WALL_M, add_assumed_roof
+from catalogs.buildings.roofs import add_assumed_roof
+from catalogs.buildings.settings import PARTS, ROOFS
 from catalogs.features import Footprint
 from facade_core.core.types import Building, BuildingFinish, Roof
-
-MIN_HOST_SHARE = 0.5  # share of a part inside its host outline
-MIN_SUPPORT_SHARE = 0.95  # share of a part above the items that support it
-MIN_PART_WALL_M = 0.3  # m; lowest wall of a part
-MIN_HALF_WIDTH_M = 0.5  # m; half the width of pieces, narrower ones are mapping errors
-MIN_OPEN_BORDER_SHARE = 0.1  # share of the border on that of the building; below it a part extends down to its support
-BORDER_TOLERANCE_M = 0.3  # m; distance within which two borders coincide
-MAX_OVERLAP_M2 = 1.0  # m2; smaller overlaps are mapping errors
-SIMPLIFY_TOLERANCE_M = 0.01  # m; corners nearer to a line are dropped
-MIN_COVERED_SHARE = 0.5  # share covered by raised parts, above which a building without a height ends below them
-# Confidence in the flat roof of a part without a stated one.
-FLAT_ROOF_CONFIDENCE = 0.6
 
 
 @dataclass(frozen=True)
@@ -67,7 +56,7 @@ def host_outline_indices(outlines: Sequence[Polygon], is_part: Sequence[bool]) -
             near = among[tree.query(outlines[one], predicate="intersects")]
             near = near[(near != one) & (~np.isin(near, parts) | (found[near] < 0) & (area[near] > area[one]))]
             shared = [outlines[one].intersection(outlines[other]).area for other in near.tolist()]
-            if shared and max(shared) > MIN_HOST_SHARE * area[one]:
+            if shared and max(shared) > PARTS.min_host_share * area[one]:
                 found[one] = near[int(np.argmax(shared))]
     for one in np.flatnonzero(found >= 0).tolist():  # a part may be hosted by a part
         while found[found[one]] >= 0:
@@ -128,14 +117,14 @@ def _extrude_part(
     elif whole is not None and whole.height >= height:
         height, source = whole.height, whole.height_source
     roof = building.roof
-    if height < low + MIN_PART_WALL_M and roof is not None and roof.height > 0:
-        top, height = height + roof.height, low + MIN_PART_WALL_M
+    if height < low + PARTS.min_part_wall_m and roof is not None and roof.height > 0:
+        top, height = height + roof.height, low + PARTS.min_part_wall_m
         roof = replace(roof, height=round(top - height, 2)) if source == "height" else roof
-    if height < low + MIN_PART_WALL_M:
+    if height < low + PARTS.min_part_wall_m:
         reasons["parts of buildings that end no higher than they begin set aside"].append(building.id)
         return []
     if whole is None and roof is None:
-        roof = Roof("flat", 0.0, confidence=FLAT_ROOF_CONFIDENCE)
+        roof = Roof("flat", 0.0, confidence=PARTS.flat_roof_confidence)
     levels = stated.levels
     finish, name = building.finish, building.name
     if whole is not None:
@@ -199,21 +188,21 @@ def _subtract_parts(whole: Building, parts: Sequence[Building], floor_height: fl
     left = whole.footprint
     raised = []
     for part in parts:
-        if part.raised <= whole.raised + MIN_PART_WALL_M and part.height > whole.raised + MIN_PART_WALL_M:
+        if part.raised <= whole.raised + PARTS.min_part_wall_m and part.height > whole.raised + PARTS.min_part_wall_m:
             left = shapely.difference(left, part.footprint)
         elif part.raised > whole.raised:
             raised.append(part)
-    over = [part for part in raised if shapely.intersection(part.footprint, left).area > MAX_OVERLAP_M2]
+    over = [part for part in raised if shapely.intersection(part.footprint, left).area > PARTS.max_overlap_m2]
     known = whole.height_source != "default"
     if over and not known:
         covered = shapely.intersection(shapely.union_all([part.footprint for part in over]), left).area
-        known, lowest = covered > MIN_COVERED_SHARE * left.area, min(part.raised for part in over)
+        known, lowest = covered > PARTS.min_covered_share * left.area, min(part.raised for part in over)
         whole = replace(whole, height=min(whole.height, lowest)) if known else whole
     carried = False
     for part in over:
         if (known and whole.height <= part.raised + floor_height) or _border_share(
             part, whole.footprint
-        ) < MIN_OPEN_BORDER_SHARE:
+        ) < PARTS.min_open_border_share:
             carried = True
         else:
             left = shapely.difference(left, part.footprint)
@@ -227,7 +216,7 @@ def _subtract_parts(whole: Building, parts: Sequence[Building], floor_height: fl
 def _border_share(part: Building, outline: Polygon) -> float:
     """Return the share of a part's border on the border of its building."""
     border = part.footprint.boundary
-    return float(shapely.intersection(border, outline.boundary.buffer(BORDER_TOLERANCE_M)).length / border.length)
+    return float(shapely.intersection(border, outline.boundary.buffer(PARTS.border_tolerance_m)).length / border.length)
 
 
 def _stack_parts(items: list[Building], outline: Polygon) -> list[Building]:
@@ -236,14 +225,14 @@ def _stack_parts(items: list[Building], outline: Polygon) -> list[Building]:
     for number in sorted(range(1, len(items)), key=lambda i: items[i].height):
         part = items[number]
         others = [
-            other for i, other in enumerate(items) if i != number and other.height < part.height - MIN_PART_WALL_M
+            other for i, other in enumerate(items) if i != number and other.height < part.height - PARTS.min_part_wall_m
         ]
         while True:
             around = [one for one in others if one.raised <= part.raised < one.height]
             if not around or not _covers(around, part):
                 break
             part = replace(part, raised=min(one.height for one in around))
-        if part.raised > 0 and _border_share(part, outline) < MIN_OPEN_BORDER_SHARE:
+        if part.raised > 0 and _border_share(part, outline) < PARTS.min_open_border_share:
             below = sorted((one for one in others if one.height <= part.raised), key=lambda one: -one.height)
             for count, one in enumerate(below, 1):
                 if _covers(below[:count], part):
@@ -255,7 +244,7 @@ def _stack_parts(items: list[Building], outline: Polygon) -> list[Building]:
 
 def _covers(others: Sequence[Building], part: Building) -> bool:
     covered = shapely.union_all([one.footprint for one in others]).intersection(part.footprint)
-    return bool(covered.area >= MIN_SUPPORT_SHARE * part.footprint.area)
+    return bool(covered.area >= PARTS.min_support_share * part.footprint.area)
 
 
 def _remove_overlaps(items: Sequence[Building]) -> Iterator[Building]:
@@ -263,8 +252,8 @@ def _remove_overlaps(items: Sequence[Building]) -> Iterator[Building]:
     done: list[Building] = []
     for one in sorted(items, key=lambda item: (-item.height, -item.footprint.area)):
         for other in done:
-            inside = one.raised >= other.raised - MIN_PART_WALL_M and one.height <= other.height
-            if inside and one.footprint.intersection(other.footprint).area > MAX_OVERLAP_M2:
+            inside = one.raised >= other.raised - PARTS.min_part_wall_m and one.height <= other.height
+            if inside and one.footprint.intersection(other.footprint).area > PARTS.max_overlap_m2:
                 one = replace(one, footprint=shapely.difference(one.footprint, other.footprint))
         done.append(one)
     yield from done
@@ -272,21 +261,21 @@ def _remove_overlaps(items: Sequence[Building]) -> Iterator[Building]:
 
 def _clean_polygons(left: BaseGeometry, min_area: float) -> list[Polygon]:
     """Return the polygons of an outline from west to east, without slivers and those under `min_area` m2."""
-    opened = left.buffer(-MIN_HALF_WIDTH_M, join_style="mitre").buffer(MIN_HALF_WIDTH_M, join_style="mitre")
-    if left.area - opened.area > MAX_OVERLAP_M2 or opened.area > left.area:
-        left = shapely.make_valid(shapely.intersection(opened, left).simplify(SIMPLIFY_TOLERANCE_M))
+    opened = left.buffer(-PARTS.min_half_width_m, join_style="mitre").buffer(PARTS.min_half_width_m, join_style="mitre")
+    if left.area - opened.area > PARTS.max_overlap_m2 or opened.area > left.area:
+        left = shapely.make_valid(shapely.intersection(opened, left).simplify(PARTS.simplify_tolerance_m))
     pieces = [part for part in shapely.get_parts(left) if part.geom_type == "Polygon"]
     return sorted(
-        (piece for piece in shapely.normalize(pieces) if piece.area > max(min_area, MAX_OVERLAP_M2)),
+        (piece for piece in shapely.normalize(pieces) if piece.area > max(min_area, PARTS.max_overlap_m2)),
         key=lambda p: p.bounds,
     )
 
 
 def _add_part_roof(part: Building, footprint: Footprint, others: Sequence[Building]) -> Building:
     """Return a part with an assumed roof; flat below other parts or over low walls."""
-    above = [one.footprint for one in others if one.raised >= part.height - MIN_PART_WALL_M]
-    if not any(part.footprint.intersection(one).area > MAX_OVERLAP_M2 for one in above):
+    above = [one.footprint for one in others if one.raised >= part.height - PARTS.min_part_wall_m]
+    if not any(part.footprint.intersection(one).area > PARTS.max_overlap_m2 for one in above):
         found = add_assumed_roof(part, footprint, attached=True)
-        if found.height >= part.raised + MIN_WALL_M:
+        if found.height >= part.raised + ROOFS.min_wall_m:
             return found
-    return replace(part, roof=Roof("flat", 0.0, confidence=FLAT_ROOF_CONFIDENCE))
+    return replace(part, roof=Roof("flat", 0.0, confidence=PARTS.flat_roof_confidence))

@@ -8,10 +8,8 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from catalogs.buildings.settings import SITES
 from facade_core.core.arrays import BoolArray, Int64Array
-
-MIN_COMMON_SHARE = 0.98  # area share of both outlines
-MAX_BOUNDS_OFFSET_M = 0.5  # m between the bounds of equal outlines
 
 
 def find_repeated_outlines(
@@ -19,7 +17,7 @@ def find_repeated_outlines(
 ) -> BoolArray:
     """Return for each outline whether an outline of its kind and of higher precedence is equal to it.
 
-    Of equal precedence the first is kept. Outlines are equal where they have MIN_COMMON_SHARE in common.
+    Of equal precedence the first is kept. Outlines are equal where they have SITES.min_common_share in common.
 
     Parameters
     ----------
@@ -40,10 +38,10 @@ def find_repeated_outlines(
         if decided[index]:
             continue
         decided[index] = True
-        near: Int64Array = tree.query(shapely.centroid(shapes[index]).buffer(MAX_BOUNDS_OFFSET_M))
+        near: Int64Array = tree.query(shapely.centroid(shapes[index]).buffer(SITES.max_bounds_offset_m))
         near = near[~decided[near] & (kind[near] == kind[index])]
-        near = near[np.abs(bounds[near] - bounds[index]).max(axis=1, initial=0.0) < MAX_BOUNDS_OFFSET_M]
+        near = near[np.abs(bounds[near] - bounds[index]).max(axis=1, initial=0.0) < SITES.max_bounds_offset_m]
         common = shapely.area(shapely.intersection(shapes[near], shapes[index]))
-        equal = near[common >= MIN_COMMON_SHARE * np.maximum(areas[near], areas[index])]
+        equal = near[common >= SITES.min_common_share * np.maximum(areas[near], areas[index])]
         repeated[equal] = decided[equal] = True
     return repeated

@@ -10,6 +10,7 @@ from hashlib import blake2b
 import numpy as np
 import shapely
 
+from catalogs.buildings.settings import ROOFS
 from catalogs.features import Footprint
 from facade_core.core.types import Building, Roof
 
@@ -42,34 +43,6 @@ FLAT_ROOF_USES = frozenset(
 )
 SHED_USES = frozenset(("shed", "garage", "garages", "carport", "hut", "service", "utility", "entrance"))
 CHURCH_USES = frozenset(("church", "cathedral", "chapel", "basilica", "monastery"))
-# Roofs are flat from this year on, and over deeper wings or higher walls.
-FLAT_ROOF_SINCE_YEAR = 1945
-MAX_PITCHED_HALF_DEPTH_M = 15.0  # m
-MAX_PITCHED_HEIGHT_M = 30.0  # m
-MAX_SHED_AREA_M2 = 30.0  # m2
-MAX_SHED_HALF_DEPTH_M = 2.0  # m
-MIN_HALL_AREA_M2 = 200.0  # m2; larger buildings of one floor have flat roofs
-# Detached houses have gables of house pitches; other buildings have the pitches of a row along a street.
-MAX_HOUSE_AREA_M2 = 400.0  # m2
-MAX_HOUSE_HEIGHT_M = 11.0  # m
-HOUSE_PITCH_RANGE_DEG = (32.0, 42.0)  # degrees
-ROW_PITCH_RANGE_DEG = (24.0, 34.0)  # degrees
-MANSARD_PITCH_DEG = 66.0  # degrees
-CHURCH_PITCH_DEG = 45.0  # degrees
-SHED_PITCH_DEG = 8.0  # degrees
-# Roof heights in metres; deeper buildings have a flat middle.
-MAX_ROW_ROOF_M = 5.0
-MAX_CHURCH_ROOF_M = 12.0
-MAX_SHED_ROOF_M = 1.0
-MANSARD_ROOF_M = 4.4
-# Shares of roof shapes in a row; the others have gables.
-MANSARD_SHARE = 0.2
-HIPPED_SHARE = 0.15
-MIN_MANSARD_HALF_DEPTH_M = 6.7  # m
-# Lowest walls, in metres, after a roof is subtracted from a height.
-MIN_WALL_M = 2.5
-# Distance, in metres, within which neighbours are attached.
-ATTACHED_DISTANCE_M = 0.3
 
 
 def add_assumed_roofs(buildings: Sequence[Building], footprints: Sequence[Footprint | None]) -> tuple[Building, ...]:
@@ -88,7 +61,7 @@ def add_assumed_roofs(buildings: Sequence[Building], footprints: Sequence[Footpr
     roofed = []
     for index, (building, source) in enumerate(zip(buildings, footprints, strict=True)):
         if source is not None and building.roof is None and building.height > 0:
-            near = tree.query(building.footprint, predicate="dwithin", distance=ATTACHED_DISTANCE_M)
+            near = tree.query(building.footprint, predicate="dwithin", distance=ROOFS.attached_distance_m)
             building = add_assumed_roof(building, source, attached=any(other != index for other in near))
         roofed.append(building)
     return tuple(roofed)
@@ -107,7 +80,7 @@ def add_assumed_roof(building: Building, footprint: Footprint, *, attached: bool
     if building.height_source != "height" or footprint.roof_height is not None or footprint.is_eaves_height:
         return replace(building, roof=roof)
     walls = building.height - roof.height
-    if walls < MIN_WALL_M:
+    if walls < ROOFS.min_wall_m:
         return replace(building, roof=Roof("flat", 0.0, confidence=roof.confidence))
     return replace(building, height=round(walls, 2), roof=roof)
 
@@ -141,29 +114,34 @@ def likeliest_roof(building: Building, footprint: Footprint, *, attached: bool) 
         return Roof("flat", 0.0, confidence=confidence)
 
     if footprint.roof_height is not None and footprint.roof_height > 0:
-        return sloped("gabled", ROW_PITCH_RANGE_DEG if attached else HOUSE_PITCH_RANGE_DEG, MAX_ROW_ROOF_M, 0.6)
+        return sloped(
+            "gabled", ROOFS.row_pitch_range_deg if attached else ROOFS.house_pitch_range_deg, ROOFS.max_row_roof_m, 0.6
+        )
     if footprint.roof_height == 0 or kind in FLAT_ROOF_USES:
         return flat(0.8)
     if kind in CHURCH_USES:
-        return sloped("gabled", (CHURCH_PITCH_DEG, CHURCH_PITCH_DEG), MAX_CHURCH_ROOF_M, 0.6)
-    if kind in SHED_USES or outline.area < MAX_SHED_AREA_M2 or depth < MAX_SHED_HALF_DEPTH_M:
-        rise = min(2 * depth * math.tan(math.radians(SHED_PITCH_DEG)), MAX_SHED_ROOF_M)
+        return sloped("gabled", (ROOFS.church_pitch_deg, ROOFS.church_pitch_deg), ROOFS.max_church_roof_m, 0.6)
+    if kind in SHED_USES or outline.area < ROOFS.max_shed_area_m2 or depth < ROOFS.max_shed_half_depth_m:
+        rise = min(2 * depth * math.tan(math.radians(ROOFS.shed_pitch_deg)), ROOFS.max_shed_roof_m)
         return Roof("skillion", round(rise, 2), confidence=0.4) if one < 0.5 else flat(0.4)
     if (
-        (footprint.year_built or 0) >= FLAT_ROOF_SINCE_YEAR
-        or depth > MAX_PITCHED_HALF_DEPTH_M
-        or height > MAX_PITCHED_HEIGHT_M
+        (footprint.year_built or 0) >= ROOFS.flat_roof_since_year
+        or depth > ROOFS.max_pitched_half_depth_m
+        or height > ROOFS.max_pitched_height_m
     ):
         return flat(0.6)
-    if height < 2 * MIN_WALL_M and outline.area > MIN_HALL_AREA_M2:
+    if height < 2 * ROOFS.min_wall_m and outline.area > ROOFS.min_hall_area_m2:
         return flat(0.5)
-    if not attached and outline.area < MAX_HOUSE_AREA_M2 and height < MAX_HOUSE_HEIGHT_M:
-        return sloped("gabled", HOUSE_PITCH_RANGE_DEG, MAX_ROW_ROOF_M, 0.5)
+    if not attached and outline.area < ROOFS.max_house_area_m2 and height < ROOFS.max_house_height_m:
+        return sloped("gabled", ROOFS.house_pitch_range_deg, ROOFS.max_row_roof_m, 0.5)
     confidence = 0.5 if attached else 0.4
-    if two < MANSARD_SHARE and depth >= MIN_MANSARD_HALF_DEPTH_M:
-        return Roof("mansard", MANSARD_ROOF_M, pitch=MANSARD_PITCH_DEG, confidence=confidence)
+    if two < ROOFS.mansard_share and depth >= ROOFS.min_mansard_half_depth_m:
+        return Roof("mansard", ROOFS.mansard_roof_m, pitch=ROOFS.mansard_pitch_deg, confidence=confidence)
     return sloped(
-        "hipped" if two < MANSARD_SHARE + HIPPED_SHARE else "gabled", ROW_PITCH_RANGE_DEG, MAX_ROW_ROOF_M, confidence
+        "hipped" if two < ROOFS.mansard_share + ROOFS.hipped_share else "gabled",
+        ROOFS.row_pitch_range_deg,
+        ROOFS.max_row_roof_m,
+        confidence,
     )
 
 

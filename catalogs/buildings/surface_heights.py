@@ -10,21 +10,10 @@ import shapely
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
+from catalogs.buildings.settings import SITES
 from catalogs.printable_text import format_count
 from facade_core.core.arrays import Float64Array
 from facade_core.core.types import Building, ElevationRaster
-
-# Of the cells of a roof: its top without aerials, chimneys and trees that overhang.
-TOP_QUANTILE = 0.9
-# A lower measured height is no building's: it is gone, or was built later.
-MIN_HEIGHT_M = 2.5
-# Least cells of a roof that are measured on.
-MIN_CELLS = 4
-_RING_M = 8.0  # around a building, where its ground is seen
-_MAX_SAMPLE = 200  # buildings
-# Medians around the buildings, metres, of a surface that counts from the ground, and of a ground that does not.
-_MAX_GROUND_LEVEL_M = 1.0
-_MIN_GROUND_LEVEL_M = 3.0
 
 
 def measure_assumed_heights(
@@ -32,7 +21,7 @@ def measure_assumed_heights(
 ) -> tuple[tuple[Building, ...], tuple[str, ...]]:
     """Replace the assumed heights of buildings by those between the ground and the surface, less their roofs.
 
-    Buildings that no cell shows, or that are lower than MIN_HEIGHT_M there, keep the assumed height.
+    Buildings that no cell shows, or that are lower than SITES.min_measured_height_m there, keep the assumed height.
 
     Parameters
     ----------
@@ -56,7 +45,7 @@ def measure_assumed_heights(
             top = _height_above_ground(building.footprint, surface, ground)
             if top is None:
                 unseen += 1
-            elif top < MIN_HEIGHT_M:
+            elif top < SITES.min_measured_height_m:
                 low += 1
             else:
                 measured += 1
@@ -66,7 +55,8 @@ def measure_assumed_heights(
         notes.append(f"heights of {format_count(measured, 'building')} measured on {source} instead of assumed")
     if low:
         notes.append(
-            f"{format_count(low, 'building')} under {MIN_HEIGHT_M:g} m on {source}, which keep the assumed height"
+            f"{format_count(low, 'building')} under {SITES.min_measured_height_m:g} m on {source}, which keep the "
+            "assumed height"
         )
     if unseen:
         notes.append(f"{format_count(unseen, 'building')} without heights on {source}, which keep the assumed height")
@@ -76,7 +66,8 @@ def measure_assumed_heights(
 def _counts_from_ground(buildings: Sequence[Building], surface: ElevationRaster, ground: ElevationRaster) -> bool:
     """Return True where the surface is near 0 around the buildings and the ground is not: it is a normalised model."""
     rings = [
-        one.footprint.buffer(_RING_M).difference(one.footprint.buffer(surface.step)) for one in buildings[:_MAX_SAMPLE]
+        one.footprint.buffer(SITES.ground_ring_m).difference(one.footprint.buffer(surface.step))
+        for one in buildings[: SITES.max_ring_sample]
     ]
     levels = [[heights_within(ring, raster) for ring in rings] for raster in (surface, ground)]
     known = [
@@ -85,13 +76,13 @@ def _counts_from_ground(buildings: Sequence[Building], surface: ElevationRaster,
         for heights in [np.concatenate(one or [np.empty(0)])]
         if len(heights)
     ]
-    return len(known) == 2 and abs(known[0]) < _MAX_GROUND_LEVEL_M and abs(known[1]) > _MIN_GROUND_LEVEL_M
+    return len(known) == 2 and abs(known[0]) < SITES.max_ground_level_m and abs(known[1]) > SITES.min_ground_level_m
 
 
 def _with_top(building: Building, top: float) -> Building:
     """Return a building that is so high with its roof; a roof that leaves no wall is laid flat."""
     roof = building.roof
-    if roof is not None and top - roof.height < MIN_HEIGHT_M:
+    if roof is not None and top - roof.height < SITES.min_measured_height_m:
         roof = replace(roof, shape="flat", height=0.0)
     walls = top - (0.0 if roof is None else roof.height)
     return replace(building, height=round(walls, 2), height_source="height", roof=roof)
@@ -101,12 +92,12 @@ def _height_above_ground(footprint: Polygon, surface: ElevationRaster, ground: E
     """Return the height of a roof's top above the median ground under it, in metres; None where too few cells show it."""
     inner = footprint.buffer(-surface.step)  # the cells at walls average roof and ground
     roof = heights_within(footprint if inner.is_empty else inner, surface)
-    if len(roof) < MIN_CELLS:
+    if len(roof) < SITES.min_roof_cells:
         return None
     foot = heights_within(footprint, ground)
     if not len(foot):
         foot = _nearest_height(footprint, ground)
-    return float(np.quantile(roof, TOP_QUANTILE) - np.median(foot)) if len(foot) else None
+    return float(np.quantile(roof, SITES.roof_top_quantile) - np.median(foot)) if len(foot) else None
 
 
 def heights_within(outline: BaseGeometry, raster: ElevationRaster) -> Float64Array:

@@ -7,12 +7,8 @@ from itertools import chain
 
 from catalogs.features import Fault
 from catalogs.imagery.remote_panorama import LonLatBox, panorama_fault
+from catalogs.imagery.settings import SERVICES
 from facade_core.core.json_types import JsonObject
-
-# An answer with a multiple of this many pictures may be cut off at the service's own limit.
-LIMIT_MULTIPLE = 100
-# Levels of quarters: at the last one, a side is 1 / 256 of the box, some metres of a block.
-MAX_QUARTERING_DEPTH = 8
 
 
 def search_boxes_by_quarters(
@@ -20,7 +16,7 @@ def search_boxes_by_quarters(
 ) -> Iterator[JsonObject | Fault]:
     """Yield all results of a search in boxes, each id once.
 
-    If an answer has a multiple of LIMIT_MULTIPLE records, it may be incomplete: the quarters of its box are searched
+    If an answer has a multiple of SERVICES.limit_multiple records, it may be incomplete: the quarters of its box are searched
     too.
 
     Parameters
@@ -45,9 +41,9 @@ def _search_box(
         count += not isinstance(one, Fault)
         faulty |= isinstance(one, Fault)
         yield one
-    if faulty or not count or count % LIMIT_MULTIPLE:
+    if faulty or not count or count % SERVICES.limit_multiple:
         return
-    if depth == MAX_QUARTERING_DEPTH:
+    if depth == SERVICES.max_quartering_depth:
         yield panorama_fault(
             " ".join(f"{value:g}" for value in box), f"has over {count} pictures; fetch the others with --dates"
         )

@@ -15,15 +15,12 @@ from catalogs.file_digest import file_digest
 from catalogs.imagery.fetch_log import PARTIAL_FOLDER, FetchedPicture, FetchLog
 from catalogs.imagery.http_client import RequestRejectedError, ServiceUnavailableError
 from catalogs.imagery.remote_panorama import RemotePanorama, panorama_fault
+from catalogs.imagery.settings import SERVICES
 from catalogs.readers.pictures.decoding import open_picture
 from catalogs.readers.pictures.embedded_poses import check_equirectangular
 from catalogs.readers.pictures.folders import check_picture
 from facade_core.core.errors import ImageError, InputError
 
-# Concurrent downloads from one service.
-MAX_DOWNLOADS = 4
-# After this many failures in a row the service counts as unavailable.
-MAX_CONSECUTIVE_FAILURES = 8
 _SUFFIX_BY_FORMAT = {"JPEG": ".jpg", "MPO": ".jpg", "PNG": ".png", "WEBP": ".webp", "TIFF": ".tif"}
 
 # Writes a panorama's bytes into a file and returns their sha256. Raises RequestRejected, ServiceUnavailable.
@@ -65,7 +62,7 @@ def fetch_panoramas(
     lost: list[ServiceUnavailableError] = []
 
     def fetch_one(offer: RemotePanorama) -> Fault | None:
-        if len(failed := lost[:]) >= MAX_CONSECUTIVE_FAILURES:  # a copy: another thread may clear it meanwhile
+        if len(failed := lost[:]) >= SERVICES.max_consecutive_failures:  # a copy: another thread may clear it meanwhile
             raise failed[-1]
         found = fetch_log.find_picture(source, offer.id)
         problem = found.refused if found else None
@@ -81,7 +78,7 @@ def fetch_panoramas(
         on_fetched(problem is None)
         return None if problem is None else panorama_fault(offer.id, problem.removeprefix(f"{stems[offer.id]} "))
 
-    pool = ThreadPoolExecutor(MAX_DOWNLOADS)
+    pool = ThreadPoolExecutor(SERVICES.max_downloads)
     try:
         tasks = [pool.submit(fetch_one, offer) for offer in panoramas]
         wait(tasks, return_when=FIRST_EXCEPTION)

@@ -14,6 +14,7 @@ from threading import Lock
 from typing import TYPE_CHECKING, TypeVar
 from urllib.parse import urlsplit
 
+from catalogs.imagery.settings import SERVICES
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
 
@@ -22,21 +23,6 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-CONNECT_TIMEOUT_S = 10.0
-# Time between two pieces of an answer.
-READ_TIMEOUT_S = 60.0
-# Time of a whole answer.
-TOTAL_TIMEOUT_S = 600.0
-# About the size of a JPEG of 160 megapixels.
-MAX_PICTURE_BYTES = 150_000_000
-# Page of a search.
-MAX_PAGE_BYTES = 40_000_000
-MAX_ATTEMPTS = 5
-# Wait before the second attempt; each further wait is twice as long.
-INITIAL_WAIT_S = 1.0
-# If a service demands a longer pause, the run ends; another run resumes.
-MAX_WAIT_S = 300.0
-MAX_REDIRECTS = 5
 _RETRY_STATUS_CODES = frozenset((408, 425, 429, 500, 502, 503, 504))
 _PIECE_BYTES = 1 << 16
 
@@ -81,7 +67,7 @@ class HttpClient:
         """
 
         def read(response: Response) -> str:
-            return b"".join(_read_pieces(response, MAX_PAGE_BYTES, url)).decode("utf-8", "replace")
+            return b"".join(_read_pieces(response, SERVICES.max_page_bytes, url)).decode("utf-8", "replace")
 
         return self._request(url, read, params=params, body=body)
 
@@ -97,7 +83,7 @@ class HttpClient:
         def write(response: Response) -> str:
             digest = hashlib.sha256()
             with part.open("wb") as file:
-                for piece in _read_pieces(response, MAX_PICTURE_BYTES, url):
+                for piece in _read_pieces(response, SERVICES.max_picture_bytes, url):
                     digest.update(piece)
                     file.write(piece)
             return digest.hexdigest()
@@ -123,7 +109,7 @@ class HttpClient:
         if urlsplit(url).scheme not in ("http", "https"):
             raise RequestRejectedError(f"{where} is no address of http or https; tell its service")
         problem = ""
-        for attempt in range(MAX_ATTEMPTS):
+        for attempt in range(SERVICES.max_attempts):
             self._wait_until_allowed()
             try:
                 with self._open_response(url, params, body) as response:
@@ -139,18 +125,20 @@ class HttpClient:
                 problem, wait = f"cannot be read ({_error_name(error)})", None
             except requests.TooManyRedirects:
                 raise RequestRejectedError(
-                    f"{where} leads to another address {MAX_REDIRECTS} times over; tell its service"
+                    f"{where} leads to another address {SERVICES.max_redirects} times over; tell its service"
                 ) from None
             except requests.RequestException as error:
                 raise RequestRejectedError(
                     f"{where} cannot be asked ({_error_name(error)}); check the address"
                 ) from None
-            if wait is not None and wait > MAX_WAIT_S:
+            if wait is not None and wait > SERVICES.max_wait_s:
                 raise ServiceUnavailableError(
                     f"{where} {problem} and wants a pause of {wait:.0f} s; run again after that"
                 )
-            self._delay_requests(INITIAL_WAIT_S * 2**attempt if wait is None else wait)
-        raise ServiceUnavailableError(f"{where} {problem}, {MAX_ATTEMPTS} times; run again later, what is here stays")
+            self._delay_requests(SERVICES.initial_wait_s * 2**attempt if wait is None else wait)
+        raise ServiceUnavailableError(
+            f"{where} {problem}, {SERVICES.max_attempts} times; run again later, what is here stays"
+        )
 
     @contextmanager
     def _open_response(self, url: str, params: Mapping[str, str] | None, body: JsonObject | None) -> Iterator[Response]:
@@ -160,7 +148,7 @@ class HttpClient:
             params=params,
             json=body,
             auth=self.token,
-            timeout=(CONNECT_TIMEOUT_S, READ_TIMEOUT_S),
+            timeout=(SERVICES.connect_timeout_s, SERVICES.read_timeout_s),
             stream=True,
         )
         try:
@@ -176,7 +164,7 @@ class HttpClient:
         with self._lock:
             if self._session is None:
                 self._session = requests.Session()
-                self._session.max_redirects = MAX_REDIRECTS
+                self._session.max_redirects = SERVICES.max_redirects
                 self._session.headers["User-Agent"] = USER_AGENT
                 self._session.headers["Accept-Encoding"] = "identity"  # Content-Length then equals the file's size
             return self._session
@@ -199,10 +187,10 @@ def redact_url(url: str) -> str:
 
 
 def _read_pieces(response: Response, max_bytes: int, url: str) -> Iterator[bytes]:
-    """Yield the bytes of an answer, up to `max_bytes` and TOTAL_TIMEOUT_S."""
+    """Yield the bytes of an answer, up to `max_bytes` and SERVICES.total_timeout_s."""
     import requests
 
-    ends, total = time.monotonic() + TOTAL_TIMEOUT_S, 0
+    ends, total = time.monotonic() + SERVICES.total_timeout_s, 0
     stated = response.headers.get("Content-Length", "")
     length = int(stated) if stated.isdecimal() else None
     if length is not None and length > max_bytes:

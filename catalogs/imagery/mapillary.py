@@ -19,6 +19,7 @@ from catalogs.imagery.remote_panorama import (
     parse_geojson_pose,
     resolve_licence,
 )
+from catalogs.imagery.settings import SERVICES
 from catalogs.reader_errors import short_message
 from catalogs.readers.pictures.camera_angles import camera_angles_from_rotation
 from facade_core.core.errors import InputError
@@ -31,10 +32,6 @@ FIELDS = (
     "id", "camera_type", "is_pano", "captured_at", "computed_geometry", "geometry", "computed_compass_angle", "compass_angle",
     "computed_rotation", "creator", "width", "height", "thumb_original_url",
 )  # fmt: skip
-MAX_PICTURES_PER_PAGE = 2000
-MAX_MAPILLARY_PAGES = 100
-# The API accepts boxes of up to 0.01 square degrees.
-MAX_BOX_SIDE_DEG = 0.05
 _FULL_SPHERE_TYPES = ("spherical", "equirectangular")
 
 
@@ -58,9 +55,12 @@ def search_mapillary(client: HttpClient, api: str, query: PanoramaQuery) -> Iter
 
 
 def _split_box(box: LonLatBox) -> Iterator[LonLatBox]:
-    """Split a box into boxes of at most MAX_BOX_SIDE_DEG."""
+    """Split a box into boxes of at most SERVICES.max_box_side_deg."""
     west, south, east, north = box
-    across, up = max(1, -int(-(east - west) // MAX_BOX_SIDE_DEG)), max(1, -int(-(north - south) // MAX_BOX_SIDE_DEG))
+    across, up = (
+        max(1, -int(-(east - west) // SERVICES.max_box_side_deg)),
+        max(1, -int(-(north - south) // SERVICES.max_box_side_deg)),
+    )
     for row in range(up):
         for column in range(across):
             yield (
@@ -77,7 +77,7 @@ def _search_pages(client: HttpClient, api: str, box: LonLatBox, dates: str | Non
         "bbox": ",".join(f"{value:.7f}" for value in box),
         "is_pano": "true",
         "fields": ",".join(FIELDS),
-        "limit": str(MAX_PICTURES_PER_PAGE),
+        "limit": str(SERVICES.max_pictures_per_page),
         **({"start_captured_at": first} if first else {}),
         **({"end_captured_at": last} if last else {}),
     }
@@ -88,7 +88,7 @@ def _search_pages(client: HttpClient, api: str, box: LonLatBox, dates: str | Non
         content = _parse_answer(client.fetch_text(url, params=params), api)
         records = [one for one in content["data"] if isinstance(one, dict)]
         fresh = [one for one in records if str(one.get("id")) not in known]
-        if page > MAX_MAPILLARY_PAGES or (records and not fresh):
+        if page > SERVICES.max_mapillary_pages or (records and not fresh):
             yield panorama_fault(
                 redact_url(api), f"pages without end (page {page} brings nothing new); what came before is used"
             )

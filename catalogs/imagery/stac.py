@@ -23,6 +23,7 @@ from catalogs.imagery.remote_panorama import (
     parse_geojson_pose,
     resolve_licence,
 )
+from catalogs.imagery.settings import SERVICES
 from catalogs.reader_errors import fault_reason, is_system_error, short_message
 from catalogs.readers.pictures.source_poses import parse_iso_date
 from facade_core.core.errors import InputError
@@ -33,10 +34,6 @@ if TYPE_CHECKING:
     from pystac_client import Client
     from pystac_client.stac_api_io import StacApiIO
 
-# Items of a page.
-PAGE_SIZE = 1000
-# Pages of a search; larger results need a smaller box.
-MAX_STAC_PAGES = 100
 # Names of the asset with the picture at full size.
 _FULL_SIZE_ASSETS = ("hd", "data", "visual", "image")
 
@@ -75,15 +72,17 @@ def _box_search(client: Client, dates: str | None) -> Callable[[LonLatBox], Iter
     def search(box: LonLatBox) -> Iterator[JsonObject | Fault]:
         known: set[str] = set()
         # GET: services differ in their answers to POST
-        pages = client.search(method="GET", bbox=list(box), datetime=dates, limit=PAGE_SIZE).pages_as_dicts()
+        pages = client.search(
+            method="GET", bbox=list(box), datetime=dates, limit=SERVICES.stac_page_size
+        ).pages_as_dicts()
         for number_of_page, page in enumerate(pages, 1):
             items = [item for item in page.get("features") or () if isinstance(item, dict)]
             fresh = [item for item in items if str(item.get("id")) not in known]
-            if number_of_page > MAX_STAC_PAGES or (items and not fresh):
+            if number_of_page > SERVICES.max_stac_pages or (items and not fresh):
                 reason = (
                     f"page {number_of_page} brings nothing new"
                     if not fresh
-                    else f"there are over {MAX_STAC_PAGES} pages"
+                    else f"there are over {SERVICES.max_stac_pages} pages"
                 )
                 yield panorama_fault(
                     redact_url(client.get_self_href() or ""),

@@ -10,15 +10,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from catalogs.crs import EARTH_RADIUS_M, LONLAT, metres_per_height_unit
+from catalogs.readers.settings import MODELS
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
     from pyproj import CRS
 
-# Tolerance around the area of use: EPSG:25832 is used in Passau too, 1.5 degrees east of its area.
-_AREA_MARGIN_SHARE = 0.3  # share of the extent
-_MAX_AREA_MARGIN_DEG = 2.0  # degrees
 _BARE_CODE = re.compile(r"\s*(?:epsg:)?(\d{4,6})\s*", re.IGNORECASE)
 _EPSG_CODES = re.compile(r"epsg(?:\.xml#|[:/]+(?:[\w.]*[:/])?)(\d{4,6})(?:\+(\d{4,6}))?(?!\d)", re.IGNORECASE)
 _SURVEY_CODES = {f"ETRS89_UTM{zone}": 25800 + zone for zone in (31, 32, 33)} | {  # names of the German surveys (AdV)
@@ -152,9 +150,9 @@ def _is_near_area_of_use(crs: CRS, east: float, north: float) -> bool:
         return False
     if area is None:
         return True
-    beyond = min(_AREA_MARGIN_SHARE * (area.north - area.south), _MAX_AREA_MARGIN_DEG)
+    beyond = min(MODELS.area_margin_share * (area.north - area.south), MODELS.max_area_margin_deg)
     if not area.south - beyond <= latitude <= area.north + beyond:
         return False
     width = (area.east - area.west) % 360.0 or 360.0
-    beyond = min(_AREA_MARGIN_SHARE * width, _MAX_AREA_MARGIN_DEG)
+    beyond = min(MODELS.area_margin_share * width, MODELS.max_area_margin_deg)
     return bool((longitude - area.west + beyond) % 360.0 <= width + 2 * beyond)

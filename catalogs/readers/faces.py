@@ -8,15 +8,10 @@ from dataclasses import dataclass
 import mapbox_earcut
 import numpy as np
 
+from catalogs.readers.settings import LIMITS
 from facade_core.core.arrays import BoolArray, Float64Array, Int64Array
 from facade_core.core.errors import GeometryError
 from facade_core.core.types import SEMANTICS, BuildingShell
-
-_MIN_DOUBLE_FACE_AREA_M2 = 1e-6  # m2; smallest double area of a face
-MAX_COORDINATE = 1e9  # larger than any coordinate of a real CRS
-MAX_CORNERS = 10_000  # of a face or an outline; triangulation takes quadratic time
-_MIN_DOUBLE_TRIANGLE_AREA_M2 = 1e-9  # m2; smallest double area of a triangle
-
 
 # Semantics of the surface types of CityGML (2.0 and 3.0) and CityJSON; interior surfaces are skipped.
 SURFACE_SEMANTICS = {
@@ -64,7 +59,7 @@ def triangulate_faces(
 ) -> BuildingShell | None:
     """Return the shell of the faces of a building; None where no face has an area.
 
-    Equal vertices are shared. Faces with a vertex that is not finite, or beyond MAX_COORDINATE, are dropped.
+    Equal vertices are shared. Faces with a vertex that is not finite, or beyond LIMITS.max_coordinate, are dropped.
 
     Parameters
     ----------
@@ -74,15 +69,17 @@ def triangulate_faces(
     Raises
     ------
     GeometryError
-        For a face of more than MAX_CORNERS.
+        For a face of more than LIMITS.max_corners.
     """
     faces = [face for face in faces if face.rings and len(face.rings[0]) >= 3]
     rings = [[np.asarray(ring, np.float64) for ring in face.rings if len(ring) >= 3] for face in faces]
     if not faces:
         return None
     most = max(sum(map(len, group)) for group in rings)
-    if most > MAX_CORNERS:
-        raise GeometryError(f"a face of it has {most} corners, more than {MAX_CORNERS}; cut it up, or simplify it")
+    if most > LIMITS.max_corners:
+        raise GeometryError(
+            f"a face of it has {most} corners, more than {LIMITS.max_corners}; cut it up, or simplify it"
+        )
     points = np.concatenate([ring for group in rings for ring in group])
     cut, owner = _triangulate(points, [[len(ring) for ring in group] for group in rings], metres_per_unit)
     if len(cut) == 0:
@@ -133,13 +130,13 @@ def _triangulate(
     following = np.arange(1, len(points) + 1)
     following[ring + ring_size - 1] = ring
 
-    near = np.logical_and.reduceat((np.abs(points) < MAX_COORDINATE).all(axis=1), first)
+    near = np.logical_and.reduceat((np.abs(points) < LIMITS.max_coordinate).all(axis=1), first)
     points = np.where(near[owner][:, None], points, 0.0)
     local = (points - points[first][owner]) * (*metres_per_unit, 1.0)
     areas = np.add.reduceat(np.cross(local, local[following]), ring)  # Newell: twice the area, along the normal
     normal = areas[np.isin(ring, first)]
     length = np.linalg.norm(normal, axis=1)
-    sound = length > _MIN_DOUBLE_FACE_AREA_M2
+    sound = length > LIMITS.min_double_face_area_m2
     normal = np.where(sound[:, None], normal, (0.0, 0.0, 1.0)) / np.where(sound, length, 1.0)[:, None]
     x, y, z = normal.T
     flat_lying = np.abs(z) >= 0.9
@@ -158,7 +155,7 @@ def _triangulate(
     a, b, c = (flat[cut[:, k]] for k in range(3))
     turn = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
     cut[turn < 0] = cut[turn < 0][:, ::-1]
-    cut = cut[np.abs(turn) > _MIN_DOUBLE_TRIANGLE_AREA_M2]
+    cut = cut[np.abs(turn) > LIMITS.min_double_triangle_area_m2]
     return cut, owner[cut[:, 0]]
 
 

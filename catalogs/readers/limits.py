@@ -21,26 +21,13 @@ from catalogs.features import (
     Remark,
 )
 from catalogs.reader_errors import to_single_line
-from catalogs.readers.faces import MAX_CORNERS
+from catalogs.readers.settings import LIMITS
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
     from shapely import MultiPolygon, Polygon
     from shapely.geometry.base import BaseGeometry
 
-MAX_TRIANGLES = 5_000_000  # of a file of models; a city quarter has a million
-MAX_FEATURES = 5_000_000  # of a file; a block has thousands
-# Of a building's outline, as of a way of OpenStreetMap: memory of a plan grows by their square.
-MAX_OUTLINE_CORNERS = 2000
-# Tolerances of the simplification as shares of an outline's diagonal: a centimetre to a metre of 100 m.
-SIMPLIFY_SHARES = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2)
-MAX_ID_LENGTH = 1000  # letters
-MAX_NAME_LENGTH = 200  # letters; longer names are cut
-MAX_CENTRELINE_POINTS = 100_000  # of a centreline
-MAX_STREET_LENGTH_M = 60_000.0  # m; span of a block and bends. Viewpoints are a few metres apart
-MIN_GROUND_HEIGHT_M = -1000.0  # m
-MAX_GROUND_HEIGHT_M = 10_000.0  # m
-MAX_BUILDING_HEIGHT_M = 1500.0  # m; taller buildings are errors of the data
 
 SourceT = TypeVar("SourceT", Footprints, BuildingModels, CentrelinesAndGround)
 ItemT = TypeVar("ItemT", Footprint, BuildingModel, Centreline)
@@ -61,12 +48,12 @@ def reject_implausible_items(source: SourceT, path: Path) -> SourceT:
     Raises
     ------
     InputError
-        For more than MAX_FEATURES items.
+        For more than LIMITS.max_features items.
     """
     kind = "street" if isinstance(source, CentrelinesAndGround) else "building"
-    if len(source.items) > MAX_FEATURES:
+    if len(source.items) > LIMITS.max_features:
         raise InputError(
-            f"{path} holds {len(source.items)} {kind}s, more than {MAX_FEATURES}; cut out the area that is meant"
+            f"{path} holds {len(source.items)} {kind}s, more than {LIMITS.max_features}; cut out the area that is meant"
         )
     source = _simplify_outlines(source)
     reasons = [_limit_violation(item) for item in source.items]
@@ -81,19 +68,19 @@ def reject_implausible_items(source: SourceT, path: Path) -> SourceT:
 
 
 def _simplify_outlines(source: SourceT) -> SourceT:
-    """Simplify outlines of up to MAX_CORNERS to MAX_OUTLINE_CORNERS, with a remark."""
+    """Simplify outlines of up to LIMITS.max_corners to LIMITS.max_outline_corners, with a remark."""
     if not isinstance(source, Footprints):
         return source
     items, remarks = list(source.items), list(source.remarks)
     for index, item in enumerate(items):
         corners = shapely.get_num_coordinates(item.outline)
-        if item.shell is None and MAX_OUTLINE_CORNERS < corners <= MAX_CORNERS:
+        if item.shell is None and LIMITS.max_outline_corners < corners <= LIMITS.max_corners:
             west, south, east, north = item.outline.bounds
-            for share in SIMPLIFY_SHARES:
+            for share in LIMITS.simplify_shares:
                 outline = _simplify_outline(item.outline, share * math.hypot(east - west, north - south))
-                if shapely.get_num_coordinates(outline) <= MAX_OUTLINE_CORNERS:
+                if shapely.get_num_coordinates(outline) <= LIMITS.max_outline_corners:
                     items[index] = replace(item, outline=outline)
-                    reason = f"outlines of more than {MAX_OUTLINE_CORNERS} corners simplified"
+                    reason = f"outlines of more than {LIMITS.max_outline_corners} corners simplified"
                     remarks.append(Remark(item.id, reason, outline))
                     break
     return replace(source, items=tuple(items), remarks=tuple(remarks))
@@ -102,7 +89,7 @@ def _simplify_outlines(source: SourceT) -> SourceT:
 def _simplify_outline(outline: Polygon | MultiPolygon, tolerance: float) -> Polygon | MultiPolygon:
     """Simplify an outline, and close gaps up to twice the tolerance where too many corners remain."""
     simplified: Polygon | MultiPolygon = outline.simplify(tolerance)
-    if shapely.get_num_coordinates(simplified) <= MAX_OUTLINE_CORNERS:
+    if shapely.get_num_coordinates(simplified) <= LIMITS.max_outline_corners:
         return simplified
     closed = outline.buffer(tolerance, join_style="mitre").buffer(-tolerance, join_style="mitre")
     closed = closed.simplify(tolerance)
@@ -110,30 +97,32 @@ def _simplify_outline(outline: Polygon | MultiPolygon, tolerance: float) -> Poly
 
 
 def _clean_name(item: ItemT) -> ItemT:
-    """Return an item with a printable name of at most MAX_NAME_LENGTH letters."""
-    return item if item.name is None else replace(item, name=to_single_line(item.name[:MAX_NAME_LENGTH]) or None)
+    """Return an item with a printable name of at most LIMITS.max_name_length letters."""
+    return (
+        item if item.name is None else replace(item, name=to_single_line(item.name[: LIMITS.max_name_length]) or None)
+    )
 
 
 def _limit_violation(item: Footprint | BuildingModel | Centreline) -> str | None:
     """Return the violated limit and the remedy; None for an acceptable item."""
-    if len(item.id) > MAX_ID_LENGTH:
-        return f"its id has {len(item.id)} letters, more than {MAX_ID_LENGTH}; give it a shorter one"
+    if len(item.id) > LIMITS.max_id_length:
+        return f"its id has {len(item.id)} letters, more than {LIMITS.max_id_length}; give it a shorter one"
     if to_single_line(item.id) != item.id:
         return "its id holds what is no letter, such as a line break or half a character; give it another"
     if isinstance(item, Centreline):
         points = shapely.get_num_coordinates(item.line)
         return (
-            f"it has {points} points, more than {MAX_CENTRELINE_POINTS}; simplify it"
-            if points > MAX_CENTRELINE_POINTS
+            f"it has {points} points, more than {LIMITS.max_centreline_points}; simplify it"
+            if points > LIMITS.max_centreline_points
             else None
         )
     if isinstance(item, Footprint):
         corners = shapely.get_num_coordinates(item.outline)
-        if corners > MAX_OUTLINE_CORNERS:
-            return f"its outline has {corners} corners, more than {MAX_OUTLINE_CORNERS}; simplify it"
-        if item.height is not None and item.height > MAX_BUILDING_HEIGHT_M:
+        if corners > LIMITS.max_outline_corners:
+            return f"its outline has {corners} corners, more than {LIMITS.max_outline_corners}; simplify it"
+        if item.height is not None and item.height > LIMITS.max_building_height_m:
             return f"it is {item.height:.6g} m high; check its heights, or remove it"
-    if item.base is not None and not MIN_GROUND_HEIGHT_M <= item.base <= MAX_GROUND_HEIGHT_M:
+    if item.base is not None and not LIMITS.min_ground_height_m <= item.base <= LIMITS.max_ground_height_m:
         return f"its ground is at a height of {item.base:.6g} m; mend that, or remove it"
     return None
 
@@ -148,8 +137,8 @@ def _bounding_box(item: Footprint | BuildingModel | Centreline) -> BaseGeometry:
 
 def _short_id(id: str) -> str:
     """Return an id shortened for a report."""
-    text = to_single_line(id[:MAX_ID_LENGTH])
-    return text if len(text) <= MAX_NAME_LENGTH else f"{text[:40]}..."
+    text = to_single_line(id[: LIMITS.max_id_length])
+    return text if len(text) <= LIMITS.max_name_length else f"{text[:40]}..."
 
 
 def _clean_remarks(remarks: Iterable[Remark]) -> tuple[Remark, ...]:

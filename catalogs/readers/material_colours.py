@@ -8,13 +8,13 @@ from operator import itemgetter
 import numpy as np
 
 from catalogs.features import Remark
+from catalogs.readers.settings import MODELS
 from catalogs.readers.vectors.colours import Colour
 from facade_core.core.arrays import Float64Array
 from facade_core.core.linear_light import linear_to_srgb
 from facade_core.core.types import PLAIN, BuildingFinish
 
 SEVERAL_COLOURS_REASON = "buildings with several colours of materials, read in that of the largest area"
-_MAX_WALL_SLOPE = 0.5  # share of the normal that points up; steeper faces are roofs
 
 
 def choose_finish(
@@ -32,7 +32,7 @@ def choose_finish(
     for semantic, normals, colour in faces:
         sizes = np.linalg.norm(normals, axis=1)
         if semantic == "unknown":
-            is_level = np.abs(normals[:, 2]) > _MAX_WALL_SLOPE * sizes
+            is_level = np.abs(normals[:, 2]) > MODELS.max_wall_slope * sizes
             parts = {"roof": float(sizes[is_level].sum()), "wall": float(sizes[~is_level].sum())}
         else:
             parts = {semantic: float(sizes.sum())}

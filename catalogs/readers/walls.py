@@ -13,8 +13,8 @@ from shapely import LineString, MultiPolygon, Polygon
 from catalogs.crs import metres_per_height_unit
 from catalogs.features import Fault, Footprint, Footprints
 from catalogs.reader_errors import fault_reason
-from catalogs.readers.faces import MAX_COORDINATE
 from catalogs.readers.json_text import load_json
+from catalogs.readers.settings import LIMITS, MODELS
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
 from facade_core.core.types import Roof
@@ -22,9 +22,7 @@ from facade_core.core.types import Roof
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-ASSUMED_DEPTH_M = 10.0  # m behind a single wall
 FLAT_ROOF = Roof("flat", 0.0, confidence=0.5)
-WALL_TOLERANCE_M = 0.1  # m within which walls meet and are upright
 _EXPECTED_JSON = '{"crs": "EPSG:n", "walls": {building: {wall: [[x, y, z], ...]}}}'
 
 
@@ -33,7 +31,7 @@ def read_footprints_from_walls(path: Path, lod: str | None = None) -> Footprints
 
     The format is {"crs": ..., "walls": {building: {wall: [[x, y, z], ...]}}}. Corners are in the units of `crs` in the
     order of the ring; the first two run from left to right as seen from outside. Three or more walls that meet end to
-    end close an outline. Other walls get an outline of ASSUMED_DEPTH_M behind them. The height is that of the walls
+    end close an outline. Other walls get an outline of MODELS.assumed_depth_m behind them. The height is that of the walls
     and the roof is flat.
 
     Parameters
@@ -93,7 +91,7 @@ def _parse_ring(wall: str, corners: ArrayLike) -> Float64Array:
         ring = np.asarray(corners, np.float64)
     except (TypeError, ValueError, OverflowError):
         ring = np.empty(0)
-    if ring.ndim != 2 or ring.shape[1] != 3 or len(ring) < 3 or not (np.abs(ring) < MAX_COORDINATE).all():
+    if ring.ndim != 2 or ring.shape[1] != 3 or len(ring) < 3 or not (np.abs(ring) < LIMITS.max_coordinate).all():
         raise ValueError(f"wall {wall} is no list of three or more [x, y, z] numbers; mend it")
     return ring
 
@@ -103,9 +101,9 @@ def _base_line(wall: str, ring: Float64Array) -> Float64Array:
     apart = np.linalg.norm(ring[:, None, :2] - ring[None, :, :2], axis=2)
     a, b = sorted(np.unravel_index(apart.argmax(), apart.shape))
     foot = np.array([ring[a, :2], ring[b, :2]])
-    if apart.max() < WALL_TOLERANCE_M or np.ptp(ring[:, 2]) < WALL_TOLERANCE_M:
+    if apart.max() < MODELS.wall_tolerance_m or np.ptp(ring[:, 2]) < MODELS.wall_tolerance_m:
         raise ValueError(f"wall {wall} has no area; mend it")
-    if shapely.distance(LineString(foot), shapely.points(ring[:, :2])).max() > WALL_TOLERANCE_M:
+    if shapely.distance(LineString(foot), shapely.points(ring[:, :2])).max() > MODELS.wall_tolerance_m:
         raise ValueError(f"wall {wall} does not stand upright; give walls as vertical rectangles")
     along = foot[1] - foot[0]
     first = (ring[:, :2] - foot[0]) @ along
@@ -116,7 +114,7 @@ def _connect_base_lines(feet: list[Float64Array]) -> list[Float64Array]:
     """Return polylines (n, 2) of base lines that meet end to end, in the given order."""
     chains: list[list[Float64Array]] = []
     for foot in feet:
-        if chains and np.linalg.norm(chains[-1][-1] - foot[0]) <= WALL_TOLERANCE_M:
+        if chains and np.linalg.norm(chains[-1][-1] - foot[0]) <= MODELS.wall_tolerance_m:
             chains[-1].append(foot[1])
         else:
             chains.append([foot[0], foot[1]])
@@ -129,6 +127,6 @@ def _outline_polygons(chain: Float64Array) -> list[Polygon]:
         return [closed]
     bodies = []
     for a, b in zip(chain[:-1], chain[1:], strict=True):
-        left = np.array([a[1] - b[1], b[0] - a[0]]) * ASSUMED_DEPTH_M / np.linalg.norm(b - a)
+        left = np.array([a[1] - b[1], b[0] - a[0]]) * MODELS.assumed_depth_m / np.linalg.norm(b - a)
         bodies.append(Polygon([a, b, b + left, a + left]))
     return bodies

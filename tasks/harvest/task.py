@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from catalogs.published.folders import write_atomically
-from catalogs.readers.pictures.decoding import MIN_SIDE_PX
 from catalogs.readers.pictures.embedded_poses import read_panorama_view
+from catalogs.readers.settings import PICTURES
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import FacadeError
 from facade_core.core.name_hash import hash_name
@@ -87,7 +87,7 @@ def harvest_picture(path: Path, name: str, digest: str, key: str, out: Path) -> 
 
 def _read_views(path: Path, name: str) -> Iterator[PhotoView]:
     """Read a picture as the photos that it consists of: a panorama is cut to views."""
-    picture = read_bounded_picture(path, least=MIN_SIDE_PX)
+    picture = read_bounded_picture(path, least=PICTURES.min_side_px)
     part = read_panorama_view(path)
     if part is not None and _is_panorama(picture.rgb, part):
         for view in cut_panorama_views(picture.rgb, part):

@@ -16,20 +16,9 @@ from typing import Any
 
 import numpy as np
 
+from tasks.matching.settings import MATCHING
+
 SEED = 1
-# Features of a picture.
-MAX_FEATURES = 4096
-# Pictures or pairs between two lines of progress.
-CHUNK = 8
-PAIR_CHUNK = 60
-# Pictures that make a model.
-MIN_MODEL_PICTURES = 3
-# Features that two pictures must share, and points of a model that the pose of a picture rests on: with half as many, parts of
-# a street come together at another scale.
-MIN_SHARED_FEATURES = 30
-MIN_POINTS = 60
-# Pictures that must show a point.
-MIN_TRACK = 3
 
 
 def write_progress(step: str, count: int) -> None:
@@ -50,10 +39,10 @@ def reconstruct(folder: Path, report: Callable[[str, int], None]) -> None:
     options = pycolmap.IncrementalPipelineOptions()
     options.random_seed = SEED
     options.num_threads = 1  # sums in one order
-    options.min_model_size = MIN_MODEL_PICTURES
+    options.min_model_size = MATCHING.min_model_pictures
     options.extract_colors = False
     options.structure_less_registration_fallback = False  # places pictures of another side of the street among these
-    options.mapper.abs_pose_min_num_inliers = MIN_POINTS
+    options.mapper.abs_pose_min_num_inliers = MATCHING.min_points
     options.mapper.random_seed = options.triangulation.random_seed = SEED
     (folder / "models").mkdir()
     models = pycolmap.incremental_mapping(
@@ -70,14 +59,14 @@ def _extract(
     """Extract the features of the pictures of one camera."""
     extraction = pycolmap.FeatureExtractionOptions()
     extraction.num_threads = 1
-    extraction.sift.max_num_features = MAX_FEATURES
+    extraction.sift.max_num_features = MATCHING.max_features
     extraction.sift.first_octave = 0
     reader = pycolmap.ImageReaderOptions()
     reader.camera_model = "SIMPLE_RADIAL"
     if group["focal"] is not None:
         width, height = group["size"]
         reader.camera_params = f"{group['focal']},{width / 2},{height / 2},0"
-    for names in _chunks(group["names"], CHUNK):
+    for names in _chunks(group["names"], MATCHING.progress_pictures):
         pycolmap.extract_features(
             database, folder, names, pycolmap.CameraMode.SINGLE, reader, extraction, device=pycolmap.Device.cpu
         )
@@ -95,9 +84,9 @@ def _match(
     matching = pycolmap.FeatureMatchingOptions()
     matching.num_threads = 1
     pairing.match_list_path = folder / "pairs.txt"
-    verification.min_num_inliers = MIN_SHARED_FEATURES
+    verification.min_num_inliers = MATCHING.min_shared_features
     verification.ransac.random_seed = SEED
-    for some in _chunks(pairs, PAIR_CHUNK):
+    for some in _chunks(pairs, MATCHING.progress_pairs):
         (folder / "pairs.txt").write_text("".join(f"{one} {other}\n" for one, other in some))
         pycolmap.match_image_pairs(database, matching, pairing, verification, device=pycolmap.Device.cpu)
         report("pairs", len(some))
@@ -112,13 +101,13 @@ def model_arrays(model: Any) -> dict[str, Any]:
 
     A lens is focal length, principal point and the first radial coefficient; `camera` (m,) is a picture of each point.
     """
-    found = (image for image in model.images.values() if image.has_pose and image.num_points3D >= MIN_POINTS)
+    found = (image for image in model.images.values() if image.has_pose and image.num_points3D >= MATCHING.min_points)
     images = sorted(found, key=lambda image: image.name)
     row = {image.image_id: number for number, image in enumerate(images)}
     points, camera = [], []
     for _, point in sorted(model.points3D.items()):
         seen = sorted({one.image_id for one in point.track.elements} & row.keys())
-        if len(seen) >= MIN_TRACK:
+        if len(seen) >= MATCHING.min_track:
             points.append(point.xyz)
             camera.append(row[seen[0]])
     return {

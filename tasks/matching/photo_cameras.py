@@ -17,11 +17,12 @@ from catalogs.block.yaml_edits import format_imagery_entry
 from catalogs.features import Fault
 from catalogs.published.folders import write_atomically
 from catalogs.readers.pictures.camera_angles import camera_angles
-from catalogs.readers.pictures.cameras.placement import MIN_GPS_PICTURES, MIN_GPS_SPAN_M, place_by_gps
+from catalogs.readers.pictures.cameras.placement import place_by_gps
 from catalogs.readers.pictures.cameras.upright import upright_camera
 from catalogs.readers.pictures.folders import list_images
 from catalogs.readers.pictures.panoramas import project_pose
 from catalogs.readers.pictures.poses import PosesFile, read_poses_file
+from catalogs.readers.settings import CAMERAS
 from facade_core.core.arrays import BoolArray, Float64Array
 from facade_core.core.errors import FacadeError, InputError
 from facade_core.core.types import Lens, Pose
@@ -31,13 +32,10 @@ from facade_core.imagery.poses.group_outlines import align_to_outlines
 from facade_core.imagery.poses.model_alignment import GPS_SIGMA_M, PlacedPoints, align_to_model
 from tasks.engine.outcome import error_reason
 from tasks.matching.photo_matches import FULL_PANORAMA, poses_notes, read_place
+from tasks.matching.settings import MATCHING
 from tasks.matching.structure_from_motion import PhotoGroup, read_small_copy, reconstruct_photos, require_pycolmap
 from tasks.stages.ingest.planning import make_plan
 
-# Largest error of the heading of photos that GPS alone places, degrees.
-MAX_GPS_TURN_DEG = 3.0
-# Height of a camera in a hand above the ground, metres: GPS does not measure it.
-HAND_HEIGHT_M = 1.6
 COLUMNS = (
     "file", "x", "y", "z", "heading", "pitch", "roll", "focal_px", "cx", "cy", "k1", "width", "height",
 )  # fmt: skip
@@ -171,7 +169,7 @@ def _place_group(
     upright = _upright_rotations(group)
     gps = place_by_gps(name, group.centres, upright, np.column_stack([places, np.full(len(places), np.nan)]), _REMEDY)
     centres, points = gps.apply(group.centres), gps.apply(group.points)
-    height = terrain.interpolate(centres[:, :2]) + HAND_HEIGHT_M
+    height = terrain.interpolate(centres[:, :2]) + MATCHING.hand_height_m
     lift = np.array([0.0, 0.0, float(np.median(height - centres[:, 2]))])
     centres, points, rotations = centres + lift, points + lift, group.rotations @ gps.rotation.T
     aligned = align_to_model(
@@ -179,7 +177,7 @@ def _place_group(
     )
     if aligned is None:
         turn = float(np.degrees(GPS_SIGMA_M / np.linalg.norm(places[known] - places[known].mean(axis=0))))
-        if turn > MAX_GPS_TURN_DEG:
+        if turn > MATCHING.max_gps_turn_deg:
             raise InputError(
                 f"{name} fits no walls of the block, and GPS turns it to {turn:.0f} degrees only; take more photos along the "
                 "street, each of which overlaps the next by half"
@@ -207,13 +205,13 @@ def _place_group(
 
 
 def _check_places(name: str, places: Float64Array, known: BoolArray) -> None:
-    if known.sum() < MIN_GPS_PICTURES:
-        raise InputError(f"{known.sum()} of {name} have GPS, where {MIN_GPS_PICTURES} are needed; {_REMEDY}")
+    if known.sum() < CAMERAS.min_gps_pictures:
+        raise InputError(f"{known.sum()} of {name} have GPS, where {CAMERAS.min_gps_pictures} are needed; {_REMEDY}")
     span = float(np.linalg.norm(np.ptp(places[known], axis=0)))
-    if span < MIN_GPS_SPAN_M:
+    if span < CAMERAS.min_gps_span_m:
         raise InputError(
-            f"{name} spans {span:.0f} m, where {MIN_GPS_SPAN_M:g} m are needed to turn it by GPS; take photos between these "
-            "and the others, so that all overlap"
+            f"{name} spans {span:.0f} m, where {CAMERAS.min_gps_span_m:g} m are needed to turn it by GPS; take photos "
+            "between these and the others, so that all overlap"
         )
 
 

@@ -25,14 +25,10 @@ from facade_core.plan.plan import Plan
 from tasks.engine.outcome import error_reason
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.matching.match_table import COLUMNS, FacadeCandidate, MatchTable, format_match_row
+from tasks.matching.settings import MATCHING
 from tasks.stages.facades.photos import rectify_photo
 from tasks.stages.ingest.planning import make_plan
 
-# Minimum probability of a match that no person needs to confirm.
-MIN_CERTAIN_PROBABILITY = 0.8
-# Candidates in the row of a photo, and their minimum probability.
-MAX_CANDIDATES = 3
-MIN_PROBABILITY = 0.02
 # Fault of a photo without a place.
 MISSING_PLACE = "no place"
 # View of a picture that is whole.
@@ -146,7 +142,7 @@ def _match_photo(
         None if place.heading is None else pose.heading,
         seed=hash_name(path.name),
     )
-    best = np.argsort(-found.probability, kind="stable")[:MAX_CANDIDATES]
+    best = np.argsort(-found.probability, kind="stable")[: MATCHING.max_candidates]
     candidates = [
         FacadeCandidate(
             plan.facades.id[i],
@@ -154,9 +150,11 @@ def _match_photo(
             _reasons(found, i, plan.scene.charts.size[walls[i], 1]),
         )
         for i in best.tolist()
-        if found.probability[i] >= MIN_PROBABILITY
+        if found.probability[i] >= MATCHING.min_probability
     ]
-    facade = candidates[0].facade if candidates and candidates[0].probability >= MIN_CERTAIN_PROBABILITY else None
+    facade = (
+        candidates[0].facade if candidates and candidates[0].probability >= MATCHING.min_certain_probability else None
+    )
     return format_match_row(path.name, facade, candidates, pose, has_heading=place.heading is not None)
 
 

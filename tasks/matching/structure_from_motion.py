@@ -25,17 +25,13 @@ from facade_core.imagery.poses.photo_pairs import choose_pairs
 from tasks.engine.compute.child_processes import end_with_parent
 from tasks.engine.outcome import error_reason
 from tasks.engine.progress import begin_stage, report_progress
+from tasks.matching.settings import MATCHING
 from tasks.stages.shared.images import read_focal_length_px
 
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-# Longest side of the pictures that are compared, pixels.
-MAX_SIDE_PX = 1000
-# Photos that structure from motion needs.
-MIN_PHOTOS = 3
 _ORIENTATION_TAG, _MAKE_TAG, _MODEL_TAG = 0x0112, 0x010F, 0x0110
-_MAX_REASON = 200
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,16 +96,16 @@ def reconstruct_photos(photos: Sequence[Path], places: Float64Array) -> tuple[li
 
     Raises
     ------
-    InputError : pycolmap is missing or fails, or fewer than MIN_PHOTOS photos can be read.
+    InputError : pycolmap is missing or fails, or fewer than MATCHING.min_photos photos can be read.
     """
     require_pycolmap()
     with tempfile.TemporaryDirectory(prefix="streetloom-match-") as name:
         folder = Path(name)
         copies, faults = _copy_photos(photos, folder)
-        if len(copies) < MIN_PHOTOS:
+        if len(copies) < MATCHING.min_photos:
             raise InputError(
-                f"{len(copies)} of {len(photos)} photos can be read, and {MIN_PHOTOS} that overlap are needed; add some, or "
-                "give poses under imagery.cameras"
+                f"{len(copies)} of {len(photos)} photos can be read, and {MATCHING.min_photos} that overlap are needed; add "
+                "some, or give poses under imagery.cameras"
             )
         readable = {copy.path for copy in copies}
         used = [number for number, path in enumerate(photos) if path in readable]
@@ -128,7 +124,7 @@ def reconstruct_photos(photos: Sequence[Path], places: Float64Array) -> tuple[li
 
 
 def _copy_photos(photos: Sequence[Path], folder: Path) -> tuple[list[_SmallCopy], list[Fault]]:
-    """Write a grey copy of each photo, as stored, of at most MAX_SIDE_PX."""
+    """Write a grey copy of each photo, as stored, of at most MATCHING.max_side_px."""
     copies, faults = [], []
     begin_stage("photos", len(photos))
     for number, path in enumerate(photos):
@@ -145,7 +141,7 @@ def _copy_photos(photos: Sequence[Path], folder: Path) -> tuple[list[_SmallCopy]
 def _copy_photo(path: Path, folder: Path, name: str) -> _SmallCopy:
     with open_picture(path) as image:
         stored, (orientation, maker) = image.size, _read_camera_tags(image)
-        share = min(1.0, MAX_SIDE_PX / max(stored))
+        share = min(1.0, MATCHING.max_side_px / max(stored))
         size = (max(1, round(stored[0] * share)), max(1, round(stored[1] * share)))
         _shrink(image, "L", size).save(folder / name, compress_level=1)
     focal = read_focal_length_px(path)
@@ -208,7 +204,7 @@ def _run_process(folder: Path, totals: dict[str, int]) -> None:
         errors.seek(0)
         said = errors.read().strip().splitlines()
     if code:
-        reason = said[-1][:_MAX_REASON] if said else f"exit code {code}"
+        reason = said[-1][: MATCHING.max_reason_length] if said else f"exit code {code}"
         raise InputError(
             f"pycolmap failed ({reason}); try fewer photos, or find poses elsewhere and name them in imagery.cameras"
         )
@@ -224,7 +220,7 @@ def _read_groups(folder: Path, copies: Sequence[_SmallCopy]) -> list[PhotoGroup]
             arrays = {key: model[key] for key in model.files}
         names = arrays["names"].tolist()
         own = np.array([name not in placed for name in names], bool)
-        if own.sum() < MIN_PHOTOS:
+        if own.sum() < MATCHING.min_photos:
             continue
         placed.update(names)
         chosen = [by_name[name] for name, is_own in zip(names, own, strict=True) if is_own]

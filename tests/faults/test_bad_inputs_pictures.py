@@ -20,8 +20,9 @@ import rasterio
 from PIL import Image, ImageOps
 
 from catalogs.readers.pictures import decoding as pictures
-from catalogs.readers.pictures.decoding import MAX_PIXELS, MAX_WEBP_PIXELS, open_picture, read_picture
+from catalogs.readers.pictures.decoding import open_picture, read_picture
 from catalogs.readers.pictures.folders import check_picture, list_images, photos_by_facade
+from catalogs.readers.settings import PICTURES
 from facade_core.core.errors import ImageError, InputError
 from tasks.stages.facades.photos import read_facade_photo
 from tasks.stages.shared.images import (
@@ -464,7 +465,9 @@ def test_no_picture_takes_a_gigabyte(tmp_path: Path) -> None:
 
 def test_the_formats_are_named_and_none_starts_a_program() -> None:
     assert set(pictures.PILLOW_FORMATS) <= {"PNG", "JPEG", "TIFF", "WEBP", "BMP", "GIF"}
-    assert MAX_WEBP_PIXELS < MAX_PIXELS <= 2 * (Image.MAX_IMAGE_PIXELS or 0), "Pillow's own limit lies above"
+    assert PICTURES.max_webp_pixels < PICTURES.max_pixels <= 2 * (Image.MAX_IMAGE_PIXELS or 0), (
+        "Pillow's own limit lies above"
+    )
 
 
 def test_cases_of_before(data: Path) -> None:

@@ -18,6 +18,7 @@ from pyproj import Transformer
 from benchmarks.imagery_server import Imagery, Shot, picture_path, serving
 from catalogs.block.reader import read_block
 from catalogs.block.sources import block_data_sources
+from catalogs.imagery import http_client
 from catalogs.imagery.services import TOKEN_VARIABLE, resolve_service, stac_service
 from catalogs.query.execution import query
 from facade_core.core.errors import InputError
@@ -40,7 +41,7 @@ def shot(name: str, x: float, y: float, **more) -> Shot:
 def served(monkeypatch: pytest.MonkeyPatch) -> Iterator[Imagery]:
     """Pictures on the first street, five of them from nearly one place, and one far off."""
     monkeypatch.delenv(TOKEN_VARIABLE, raising=False)
-    monkeypatch.setattr("catalogs.imagery.http_client.INITIAL_WAIT_S", 0.001)
+    monkeypatch.setattr(http_client, "SERVICES", replace(http_client.SERVICES, initial_wait_s=0.001))
     near = [shot(f"near-{i}", 9 + i / 4, 0) for i in range(5)]
     with serving(Imagery([*near, shot("other", 30, 0, captured="2021-01-01"), shot("far", 9000, 0)])) as imagery:
         yield imagery
@@ -178,7 +179,7 @@ def test_the_command_tells_of_pictures_that_cannot_be_had_and_ends_by_what_becam
     ended = CliRunner().invoke(command_line, command)
     assert ended.exit_code == 0, ended.output
     assert lines[-1] != f"ready: streetloom run {block_file}" == ended.output.splitlines()[-1]
-    monkeypatch.setattr("catalogs.imagery.http_client.MAX_ATTEMPTS", 1)
+    monkeypatch.setattr(http_client, "SERVICES", replace(http_client.SERVICES, max_attempts=1))
     served.faults["/api/search"] = lambda *_: (503, {}, b"")
     assert CliRunner().invoke(command_line, command).exit_code == 75
     for wrong in (["--bbox", "1", "2", "3", "4"], [str(block_file), "--bbox", "1", "2", "3", "4"], []):

@@ -19,6 +19,7 @@ from catalogs.readers.referenced_files import (
     is_no_file,
     is_outside_folder,
 )
+from catalogs.readers.settings import MODELS
 from catalogs.readers.vectors.colours import Colour
 from facade_core.core.arrays import Float64Array
 
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
 
 # Values of wrapMode by which a picture does not repeat.
 _ENDING_WRAP_MODES = frozenset(("none", "clamp", "border", "mirror"))
-_MAX_EXCESS = 0.01  # of a picture
 
 
 @dataclass(slots=True)
@@ -116,7 +116,9 @@ def _theme_rank(data: Element) -> tuple[bool, str]:
 
 def _exceeds_picture(coordinates: Element) -> bool:
     numbers = parse_numbers(coordinates.text)
-    return bool(numbers) and (min(numbers) < -_MAX_EXCESS or max(numbers) > 1.0 + _MAX_EXCESS)
+    return bool(numbers) and (
+        min(numbers) < -MODELS.max_texture_excess or max(numbers) > 1.0 + MODELS.max_texture_excess
+    )
 
 
 def face_texture(

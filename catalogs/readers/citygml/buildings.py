@@ -33,6 +33,7 @@ from catalogs.readers.citygml.surfaces import (
 )
 from catalogs.readers.faces import PlanarFace, newell_normal, triangulate_faces
 from catalogs.readers.material_colours import choose_finish
+from catalogs.readers.settings import MODELS
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import GeometryError, InputError
 from facade_core.core.types import BuildingFinish
@@ -45,7 +46,6 @@ UNMATCHED_TEXTURES_REASON = (
 )
 SURFACE_DATA = ("ParameterizedTexture", "X3DMaterial", "GeoreferencedTexture")
 _METRE_NAMES = frozenset(("m", "metre", "meter", "metres", "meters"))
-_MAX_LEVELS = 300.0  # 9999 is a code for unknown
 
 # rings by id, whether they are reversed, semantic
 _SurfaceRings = tuple[dict[str, Float64Array], bool, str | None]
@@ -163,7 +163,7 @@ def _read_building(
         id,
         shell,
         height=_stated_number(building, "{*}measuredHeight", "{*}Height", unit=axes.metres_per_height_unit),
-        levels=levels if levels is not None and levels < _MAX_LEVELS else None,
+        levels=levels if levels is not None and levels < MODELS.max_levels else None,
         name=(building.findtext("{*}name") or "").strip() or None,
         finish=_material_finish(surfaces, outlines, axes, id, reading),
     )

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, cast
 
 from catalogs.reader_errors import short_message
+from catalogs.readers.settings import MODELS
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import open_regular
 
@@ -20,12 +21,6 @@ if TYPE_CHECKING:
 
 _ID_ATTRIBUTES = ("{http://www.opengis.net/gml}id", "{http://www.opengis.net/gml/3.2}id")
 _MEMBER_NAMES = ("Building", "cityObjectMember", "featureMember", "appearanceMember", "surfaceDataMember")
-# Limits of one member in memory: a building, or the coordinates of one picture.
-_MAX_MEMBER_BYTES = 256 * 2**20
-_MAX_MEMBER_TAGS = 4_000_000
-# Limits of decompression, the larger of both: texts of numbers compress to a tenth.
-_MIN_UNPACK_LIMIT_BYTES = 32 * 2**20
-_MAX_UNPACK_RATIO = 40
 
 
 def iterate_elements(path: Path, names: Collection[str]) -> Iterator[Element]:
@@ -81,7 +76,7 @@ class _BoundedFile:
     def __init__(self, file: IO[bytes], path: Path) -> None:
         self._file, self._path = file, path
         self._total = self._bytes = self._tags = 0
-        self._most = max(_MIN_UNPACK_LIMIT_BYTES, _MAX_UNPACK_RATIO * path.stat().st_size)
+        self._most = max(MODELS.min_unpack_limit_bytes, MODELS.max_unpack_ratio * path.stat().st_size)
 
     def start_member(self) -> None:
         """Reset the counters of bytes and tags in memory."""
@@ -94,10 +89,10 @@ class _BoundedFile:
         self._bytes += len(part)
         self._tags += part.count(b"<")
         if self._total > self._most:
-            raise InputError(f"{self._path} unpacks to over {_MAX_UNPACK_RATIO} times its size; export it again")
-        if self._bytes > _MAX_MEMBER_BYTES or self._tags > _MAX_MEMBER_TAGS:
+            raise InputError(f"{self._path} unpacks to over {MODELS.max_unpack_ratio} times its size; export it again")
+        if self._bytes > MODELS.max_member_bytes or self._tags > MODELS.max_member_tags:
             raise InputError(
-                f"{self._path} holds a member of over {_MAX_MEMBER_BYTES // 2**20} MB or {_MAX_MEMBER_TAGS} tags; "
+                f"{self._path} holds a member of over {MODELS.max_member_bytes // 2**20} MB or {MODELS.max_member_tags} tags; "
                 "cut the file up"
             )
         return part

@@ -42,6 +42,7 @@ from catalogs.readers.referenced_files import (
     is_no_file,
     is_outside_folder,
 )
+from catalogs.readers.settings import MODELS
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import GeometryError, InputError
 from facade_core.core.json_types import JsonObject, JsonValue
@@ -50,12 +51,6 @@ from facade_core.core.regular_files import open_regular
 _VERSION = re.compile(r"(1\.0|1\.1|2\.0)(\.\d+)?")
 # Attributes of the name of a building, in order of preference, in lower case.
 _NAME_ATTRIBUTES = ("name", "gml_name", "gml:name", "building_name", "bezeichnung", "naam", "nom")
-_MIN_MODEL_HEIGHT_M = 0.01  # m
-# Larger numbers are codes for unknown, such as 9999.
-_MAX_HEIGHT_M = 1500.0  # m
-_MAX_GROUND_HEIGHT_M = 9000.0  # m
-_MAX_LEVELS = 200.0
-_MAX_TYPE_NAME = 60  # characters of the name of a type in a note
 
 
 @dataclass(slots=True)
@@ -194,7 +189,7 @@ def _read_document(document: JsonObject, reading: _ReaderState) -> None:
         if isinstance(thing, dict):
             objects[id] = thing
             if not is_of_building(thing):
-                reading.other_types[str(thing.get("type"))[:_MAX_TYPE_NAME]] += 1
+                reading.other_types[str(thing.get("type"))[: MODELS.max_type_name_length]] += 1
         else:
             reading.faults.append(Fault(id, "building", f"{reading.path.name}: it is no CityObject; export it anew"))
     for root, ids in group_building_objects(objects):
@@ -229,7 +224,7 @@ def _build_model(
     shell = triangulate_faces(faces, axes.metres_per_unit)
     if shell is None:
         raise GeometryError("its surfaces enclose no area; repair or remove it")
-    if np.ptp(shell.vertices[:, 2]) < _MIN_MODEL_HEIGHT_M:
+    if np.ptp(shell.vertices[:, 2]) < MODELS.min_model_height_m:
         raise GeometryError("all of it lies at one height; give a model with walls, or footprints with heights")
     attributes = [mapping_or_empty(thing.get("attributes")) for thing in things]
 
@@ -239,8 +234,10 @@ def _build_model(
         fit = [number for number in numbers if low < number < high]
         return numbers[:1] if numbers[0] in fit else fit
 
-    heights = stated("measuredHeight", 0.0, _MAX_HEIGHT_M, axes.metres_per_height_unit)
-    bases = stated("TerrainHeight", -_MAX_GROUND_HEIGHT_M, _MAX_GROUND_HEIGHT_M, axes.metres_per_height_unit)
+    heights = stated("measuredHeight", 0.0, MODELS.max_stated_height_m, axes.metres_per_height_unit)
+    bases = stated(
+        "TerrainHeight", -MODELS.max_ground_height_m, MODELS.max_ground_height_m, axes.metres_per_height_unit
+    )
     coloured = [
         (face.semantic, newell_normal(face.rings[0] * (*axes.metres_per_unit, 1.0))[None], face.colour)
         for face in faces
@@ -252,7 +249,7 @@ def _build_model(
         id,
         shell,
         height=max(heights, default=None),
-        levels=max(stated("storeysAboveGround", 0.0, _MAX_LEVELS), default=None),
+        levels=max(stated("storeysAboveGround", 0.0, MODELS.max_levels), default=None),
         name=next((name.strip() for name in names if isinstance(name, str) and name.strip()), None),
         base=min(bases, default=None),
         finish=choose_finish(coloured, id, remarks),

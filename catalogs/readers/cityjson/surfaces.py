@@ -10,7 +10,8 @@ from typing import TypeGuard
 import numpy as np
 
 from catalogs.readers.cityjson.values import far_coordinates_to_nan, list_or_empty, mapping_or_empty, parse_points
-from catalogs.readers.faces import MAX_COORDINATE, SURFACE_SEMANTICS, PlanarFace
+from catalogs.readers.faces import SURFACE_SEMANTICS, PlanarFace
+from catalogs.readers.settings import LIMITS
 from catalogs.readers.vectors.colours import Colour
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import GeometryError
@@ -185,7 +186,7 @@ def _surface_texture(
         if not all(_is_index(value, len(appearance.uv)) for value in values[1:]):
             return -1, None
         uv.append(appearance.uv[values[1:]].reshape(-1, 2))
-    return (picture, uv) if all((np.abs(ring) < MAX_COORDINATE).all() for ring in uv) else (-1, None)
+    return (picture, uv) if all((np.abs(ring) < LIMITS.max_coordinate).all() for ring in uv) else (-1, None)
 
 
 def _is_index(value: object, length: int) -> TypeGuard[int]:

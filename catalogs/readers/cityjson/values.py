@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from catalogs.readers.faces import MAX_COORDINATE
+from catalogs.readers.settings import LIMITS
 from facade_core.core.arrays import Float64Array
 from facade_core.core.json_types import JsonObject
 
@@ -12,7 +12,7 @@ from facade_core.core.json_types import JsonObject
 def apply_transform(points: Float64Array, transform: JsonObject | None) -> Float64Array:
     """Return points (n, 3) scaled and translated by the transform of a file.
 
-    Coordinates beyond MAX_COORDINATE become NaN.
+    Coordinates beyond LIMITS.max_coordinate become NaN.
 
     Parameters
     ----------
@@ -26,8 +26,8 @@ def apply_transform(points: Float64Array, transform: JsonObject | None) -> Float
 
 
 def far_coordinates_to_nan(points: Float64Array) -> Float64Array:
-    """Return points with NaN for coordinates that are infinite or beyond MAX_COORDINATE."""
-    return np.where(np.abs(points) < MAX_COORDINATE, points, np.nan)
+    """Return points with NaN for coordinates that are infinite or beyond LIMITS.max_coordinate."""
+    return np.where(np.abs(points) < LIMITS.max_coordinate, points, np.nan)
 
 
 def parse_points(rows: object, size: int = 3) -> Float64Array:

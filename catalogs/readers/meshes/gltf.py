@@ -14,7 +14,6 @@ import numpy as np
 
 from catalogs.features import Remark
 from catalogs.reader_errors import is_system_error, short_message
-from catalogs.readers.limits import MAX_TRIANGLES
 from catalogs.readers.meshes.gltf_materials import (
     base_colour,
     base_colour_texture,
@@ -34,12 +33,11 @@ from catalogs.readers.referenced_files import (
     is_no_file,
     is_outside_folder,
 )
+from catalogs.readers.settings import LIMITS, MODELS
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
 from facade_core.core.regular_files import MAX_MODEL_BYTES, read_regular
 
-MAX_NODES = 50_000
-_MAX_UNBACKED_COUNT = 1000  # numbers of an accessor without data
 OTHER_SCENES_REASON = (
     "scenes of glTF files: the default one read, or the first; export the others as files of their own"
 )
@@ -171,7 +169,9 @@ def _read_scene(
 def _check_counts(path: Path, header: JsonObject) -> None:
     """Raise InputError where nodes draw too many triangles, or accessors have no data."""
     accessors, meshes, nodes = header.get("accessors", []), header.get("meshes", []), header.get("nodes", [])
-    if any("bufferView" not in accessor and accessor.get("count", 0) > _MAX_UNBACKED_COUNT for accessor in accessors):
+    if any(
+        "bufferView" not in accessor and accessor.get("count", 0) > MODELS.max_unbacked_count for accessor in accessors
+    ):
         raise InputError(f"{path} has accessors of zeros without a bufferView; export it again")
     corners = [
         sum(
@@ -181,9 +181,10 @@ def _check_counts(path: Path, header: JsonObject) -> None:
         for mesh in meshes
     ]
     drawn = sum(corners[node["mesh"]] for node in nodes if "mesh" in node)
-    if drawn > 3 * MAX_TRIANGLES or len(nodes) > MAX_NODES:
+    if drawn > 3 * LIMITS.max_triangles or len(nodes) > MODELS.max_gltf_nodes:
         raise InputError(
-            f"{path} draws {drawn // 3} triangles in {len(nodes)} nodes, more than {MAX_TRIANGLES} or {MAX_NODES}; cut it up"
+            f"{path} draws {drawn // 3} triangles in {len(nodes)} nodes, more than {LIMITS.max_triangles} "
+            f"or {MODELS.max_gltf_nodes}; cut it up"
         )
 
 

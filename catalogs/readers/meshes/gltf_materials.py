@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from catalogs.readers.material_colours import parse_colour_shares
+from catalogs.readers.settings import MODELS
 from catalogs.readers.vectors.colours import Colour
 from facade_core.core.arrays import AnyArray, Float64Array
 from facade_core.core.errors import InputError
@@ -48,7 +49,6 @@ _INSTANCING = "EXT_mesh_gpu_instancing"
 _MAX_COMPONENT = {5120: 127.0, 5121: 255.0, 5122: 32767.0, 5123: 65535.0}
 _TRIANGLE_FAN = 6
 _REPEAT = 10497  # code of the wrapping mode
-_MAX_EXCESS = 0.01  # of a picture
 # Names under which extras state the frame, lower-case.
 _EPSG_CODE = re.compile(r"(?:^|EPSG\b.*\D)(\d{4,6})$", re.IGNORECASE)
 _FRAME_KEYS = frozenset(("epsg", "crs", "srs", "epsg_code", "coordinatereferencesystem", "referencesystem"))
@@ -143,7 +143,7 @@ def base_colour_texture(header: JsonObject, material: JsonObject) -> BaseColourT
 
 def exceeds_picture(uv: Float64Array) -> bool:
     """Return True where texture coordinates (n, 2) leave their picture."""
-    return bool(len(uv)) and bool(uv.min() < -_MAX_EXCESS or uv.max() > 1.0 + _MAX_EXCESS)
+    return bool(len(uv)) and bool(uv.min() < -MODELS.max_texture_excess or uv.max() > 1.0 + MODELS.max_texture_excess)
 
 
 def stated_frame(header: JsonObject) -> str | None:

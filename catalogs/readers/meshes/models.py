@@ -11,7 +11,6 @@ import numpy as np
 from catalogs.crs import parse_crs
 from catalogs.features import BuildingModels, Fault, Remark
 from catalogs.reader_errors import short_message
-from catalogs.readers.limits import MAX_TRIANGLES
 from catalogs.readers.meshes.gltf import read_gltf_surfaces
 from catalogs.readers.meshes.header_comments import read_header_comments
 from catalogs.readers.meshes.npz import check_npz_arrays
@@ -24,6 +23,7 @@ from catalogs.readers.meshes.plausible_models import (
 from catalogs.readers.meshes.surface_names import merge_surface_names
 from catalogs.readers.meshes.surfaces import MeshSurface, group_into_models
 from catalogs.readers.meshes.up_axis import note_sideways_gltf, turn_up
+from catalogs.readers.settings import LIMITS
 from catalogs.readers.source_keys import NO_SOURCE_KEYS, UP_AXIS_SUFFIXES, SourceKeys
 from facade_core.core.errors import InputError
 
@@ -101,8 +101,8 @@ def _read_npz(path: Path) -> tuple[list[MeshSurface], str | None]:
         raise InputError(
             f"{path} cannot be read as arrays of triangles ({short_message(error)}); give {wanted}"
         ) from error
-    if triangles.size > 9 * MAX_TRIANGLES:
-        raise InputError(f"{path} holds over {MAX_TRIANGLES} triangles; cut out the block that is meant")
+    if triangles.size > 9 * LIMITS.max_triangles:
+        raise InputError(f"{path} holds over {LIMITS.max_triangles} triangles; cut out the block that is meant")
     fits = triangles.ndim == 3 and triangles.shape[1:] == (3, 3) and triangles.dtype.kind in "fiu"
     if not (fits and feature.shape == triangles.shape[:1] and feature.dtype.kind in "iu" and origin.shape == (3,)):
         raise InputError(

@@ -8,18 +8,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from catalogs.reader_errors import short_message
+from catalogs.readers.settings import MODELS
 from facade_core.core.errors import InputError
-
-MAX_UNPACKED_BYTES = 512 * 2**20  # bytes
-# Limits of decompression, the larger of both: coordinates compress to a fifth.
-_MIN_UNPACK_LIMIT_BYTES = 32 * 2**20
-_MAX_UNPACK_RATIO = 50
 
 
 def check_npz_arrays(path: Path, names: Sequence[str]) -> None:
     """Raise InputError unless the named arrays of an .npz have the claimed sizes.
 
-    Together they must not exceed MAX_UNPACKED_BYTES. Only the headers are decompressed.
+    Together they must not exceed MODELS.max_npz_bytes. Only the headers are decompressed.
 
     Parameters
     ----------
@@ -37,13 +33,13 @@ def check_npz_arrays(path: Path, names: Sequence[str]) -> None:
                 if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
                     raise InputError(f"{path} is packed by another method than np.savez_compressed; save it with that")
                 total += info.file_size
-                if info.file_size > max(_MIN_UNPACK_LIMIT_BYTES, _MAX_UNPACK_RATIO * info.compress_size):
+                if info.file_size > max(MODELS.min_unpack_limit_bytes, MODELS.max_unpack_ratio * info.compress_size):
                     raise InputError(
-                        f"{path}: {info.filename} unpacks to over {_MAX_UNPACK_RATIO} times its size; save it again"
+                        f"{path}: {info.filename} unpacks to over {MODELS.max_unpack_ratio} times its size; save it again"
                     )
-                if total > MAX_UNPACKED_BYTES:
+                if total > MODELS.max_npz_bytes:
                     raise InputError(
-                        f"{path} unpacks to over {MAX_UNPACKED_BYTES // 2**20} MB; "
+                        f"{path} unpacks to over {MODELS.max_npz_bytes // 2**20} MB; "
                         "cut out the block that is meant, or use float32"
                     )
                 with archive.open(info) as member:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from catalogs.features import Fault, Remark
-from catalogs.readers.faces import MAX_CORNERS, PlanarFace, triangulate_faces
+from catalogs.readers.faces import PlanarFace, triangulate_faces
 from catalogs.readers.material_colours import parse_colour_shares
 from catalogs.readers.meshes.material_options import TexturePlacement, parse_texture_statement
 from catalogs.readers.meshes.surfaces import MeshSurface, is_interior_class, is_surface_name, semantic_from_names
@@ -23,6 +23,7 @@ from catalogs.readers.referenced_files import (
     is_no_file,
     is_outside_folder,
 )
+from catalogs.readers.settings import LIMITS
 from catalogs.readers.vectors.colours import Colour
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import open_regular
@@ -191,7 +192,7 @@ def _build_surfaces(text: _ObjContent, kinds: list[SurfaceKey | None]) -> Iterat
     vertex = np.where(vertex < len(vertices) - 1, vertex, -1)
     coordinate = np.frombuffer(text.coordinate, np.int64)
     coordinate = np.where(coordinate < len(coordinates) - 1, coordinate, -1)
-    sound = np.logical_and.reduceat(np.isfinite(vertices).all(axis=1)[vertex], starts) & (sizes <= MAX_CORNERS)
+    sound = np.logical_and.reduceat(np.isfinite(vertices).all(axis=1)[vertex], starts) & (sizes <= LIMITS.max_corners)
 
     label = np.frombuffer(text.label, np.int32)
     order = np.argsort(label, kind="stable")

@@ -11,6 +11,7 @@ import numpy as np
 from catalogs.features import Remark
 from catalogs.reader_errors import is_system_error, short_message
 from catalogs.readers.meshes.surfaces import MeshSurface
+from catalogs.readers.settings import MODELS
 from facade_core.core.arrays import Float64Array, Int64Array, UInt8Array
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import MAX_MODEL_BYTES, read_regular
@@ -18,9 +19,6 @@ from facade_core.core.regular_files import MAX_MODEL_BYTES, read_regular
 if TYPE_CHECKING:
     from trimesh import Trimesh
 
-# Colours of faces that are kept apart. More are those of a photograph: they are counted in steps.
-MAX_COLOURS = 64
-_COLOUR_STEP = 32
 PICTURE_REASON = "PLY files with a picture (TextureFile): read without it; export the model as OBJ or glTF"
 UNREAD_COLOURS_REASON = (
     "PLY files with colours of other names than red, green, blue, or of faces of four corners: read without; "
@@ -62,8 +60,8 @@ def _split_by_colour(mesh: Trimesh) -> list[MeshSurface]:
     if colours is None:
         return [MeshSurface(None, "unknown", corners)]
     packed = _pack(colours)
-    if len(np.unique(packed)) > MAX_COLOURS:
-        packed = _pack(colours // _COLOUR_STEP)
+    if len(np.unique(packed)) > MODELS.max_face_colours:
+        packed = _pack(colours // MODELS.face_colour_step)
     surfaces = []
     for number in np.unique(packed):
         chosen = packed == number

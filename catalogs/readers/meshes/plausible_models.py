@@ -10,20 +10,17 @@ import numpy as np
 
 from catalogs.features import BuildingModel, Remark
 from catalogs.readers.meshes.surfaces import MeshSurface
+from catalogs.readers.settings import MODELS
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
 
-_MIN_HEIGHT_M = 0.3  # m; models below it are ground, streets and water
 # Names of objects that programs export along with buildings.
 _OTHER_OBJECT = re.compile(
     r"(?:terrain|dem|dtm|topograph\w*|ground[\W_]*plane|landscape|gel(?:ä|ae)nde|relief|roads?|streets?|trees?|vegetation|water"
     r"|forest|.*\bosm_(?:roads?|paths?|water|forest|vegetation|railways?)\w*)[\W_\d]*",
     re.IGNORECASE,
 )
-_MAX_MEDIAN_HEIGHT_M = 400.0  # of all models: no street of buildings is higher
-_MIN_LENGTH_M = 1.0  # of the largest model
 _EARTH_RADII_M = (6_340_000.0, 6_390_000.0)
-_MAX_HEIGHT_M = 20_000.0  # m; of z in a frame of a map
 FLAT_REASON = "models without height (ground, streets, water) set aside"
 OTHER_OBJECT_REASON = "models named as terrain, streets or trees set aside; rename those that are buildings"
 
@@ -35,7 +32,7 @@ def check_earth_centred(surfaces: Sequence[MeshSurface], path: Path) -> None:
     distance = np.linalg.norm(middles, axis=1)
     low, high = _EARTH_RADII_M
     # northings of a map may be as long, but heights are not
-    is_deep = np.abs(middles[:, 2]) > _MAX_HEIGHT_M
+    is_deep = np.abs(middles[:, 2]) > MODELS.max_map_height_m
     if len(middles) and bool((is_deep & (distance > low) & (distance < high)).all()):
         raise InputError(
             f"{path} counts from the centre of the Earth (ECEF), as 3D Tiles do; export it in a projected frame in metres"
@@ -61,7 +58,7 @@ def select_plausible_models(
     kept, remarks, sizes = [], [], []
     for model in models:
         size = np.ptp(model.shell.vertices, axis=0)
-        is_flat = size[2] < _MIN_HEIGHT_M and size.max() >= _MIN_LENGTH_M
+        is_flat = size[2] < MODELS.min_building_height_m and size.max() >= MODELS.min_largest_model_m
         if is_flat or _OTHER_OBJECT.fullmatch(model.id):
             remarks.append(Remark(model.id, FLAT_REASON if is_flat else OTHER_OBJECT_REASON, None))
         else:
@@ -77,7 +74,7 @@ def select_plausible_models(
 def _check_unit(sizes: Float64Array, path: Path) -> None:
     """Raise InputError where models of sizes (n, 3) are of another unit than metres."""
     height, longest = float(np.median(sizes[:, 2])), float(sizes.max())
-    if height > _MAX_MEDIAN_HEIGHT_M or longest < _MIN_LENGTH_M:
+    if height > MODELS.max_median_height_m or longest < MODELS.min_largest_model_m:
         raise InputError(
             f"{path}: its models are {height:.3g} m high (median) and up to {longest:.3g} m long, as in another unit; "
             "export it in metres"

@@ -11,8 +11,8 @@ import numpy as np
 import shapely
 
 from catalogs.features import BuildingModel, Fault, Remark
-from catalogs.readers.faces import MAX_COORDINATE, MAX_CORNERS
 from catalogs.readers.material_colours import choose_finish
+from catalogs.readers.settings import LIMITS, MODELS
 from catalogs.readers.vectors.colours import Colour
 from facade_core.core.arrays import Float64Array, FloatArray, Int64Array, IntArray
 from facade_core.core.types import SEMANTICS, BuildingShell
@@ -31,10 +31,6 @@ _SEMANTICS_BY_WORD |= {
 SURFACE_WORDS = "|".join(_SEMANTICS_BY_WORD)
 _SURFACE_NAME = re.compile(rf"(outer)?({SURFACE_WORDS})s?[\W_]*(surface)?s?[\W_\d]*", re.IGNORECASE)
 _INTERIOR_CLASS = re.compile(r"(closure|interiorwall|floor|ceiling|intbuildinginstallation)(surface)?", re.IGNORECASE)
-
-_WELD_M = 1e-3  # m; vertices nearer than this are one
-_MAX_PLAN_OFFSET_M = 0.1  # m; offset of a window in front of its wall
-_MIN_OVERLAP_SHARE = 0.3  # overlap of two components of one building
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,7 +110,7 @@ def group_into_models(
         elif not np.isfinite(shell.vertices).all():
             reason = (
                 f"model {name} has a vertex that is missing, no finite number or absurdly far away, or a face of over "
-                f"{MAX_CORNERS} corners; mend it and export the model again"
+                f"{LIMITS.max_corners} corners; mend it and export the model again"
             )
             known = shell.vertices[np.isfinite(shell.vertices).all(axis=1)]
             place = shapely.box(*known[:, :2].min(axis=0), *known[:, :2].max(axis=0)) if len(known) else None
@@ -131,9 +127,9 @@ def _triangle_normals(corners: Float64Array) -> Float64Array:
 
 
 def _mask_far_vertices(surface: MeshSurface) -> MeshSurface:
-    """Return a surface with NaN for coordinates beyond MAX_COORDINATE, and 0 for such texture coordinates."""
-    corners = np.where(np.abs(surface.corners) < MAX_COORDINATE, surface.corners, np.nan)
-    uv = None if surface.uv is None else np.where(np.abs(surface.uv) < MAX_COORDINATE, surface.uv, 0.0)
+    """Return a surface with NaN for coordinates beyond LIMITS.max_coordinate, and 0 for such texture coordinates."""
+    corners = np.where(np.abs(surface.corners) < LIMITS.max_coordinate, surface.corners, np.nan)
+    uv = None if surface.uv is None else np.where(np.abs(surface.uv) < LIMITS.max_coordinate, surface.uv, 0.0)
     return replace(surface, corners=corners, uv=uv)
 
 
@@ -226,7 +222,7 @@ def _connected_components(corners: Float64Array) -> Int64Array:
 
     points = corners.reshape(-1, 3)
     finite = np.asarray(np.isfinite(points).all(axis=1))
-    grid = np.round(np.where(finite[:, None], points, 0.0) / _WELD_M).astype(np.int64)
+    grid = np.round(np.where(finite[:, None], points, 0.0) / MODELS.weld_m).astype(np.int64)
     vertex = np.zeros(len(points), np.int64)
     for axis in range(3):  # three sorts of numbers are faster than one sort of rows
         place = np.unique(grid[:, axis], return_inverse=True)[1]
@@ -260,7 +256,7 @@ def _merge_overlapping(corners: Float64Array, component: IntArray) -> IntArray:
     tree = shapely.STRtree(shapely.polygons(plan[flat]))
     asked = np.flatnonzero(level)
     middles = shapely.points(plan[asked].mean(axis=1))
-    point, hit = tree.query(middles, predicate="dwithin", distance=_MAX_PLAN_OFFSET_M)
+    point, hit = tree.query(middles, predicate="dwithin", distance=MODELS.max_plan_offset_m)
     point, other = asked[point], component[flat[hit]]
     pairs = np.unique(np.stack([point, other])[:, component[point] != other], axis=1)
     share = coo_array((weight[pairs[0]], (component[pairs[0]], pairs[1])), shape=(count, count)).tocsr()
@@ -270,7 +266,7 @@ def _merge_overlapping(corners: Float64Array, component: IntArray) -> IntArray:
     # merge each component once, so that a party wall joins one building, not two
     best = np.lexsort((two, -total[two], -part, one))
     first = best[np.r_[True, np.diff(one[best]) != 0]] if len(best) else best
-    link = first[part[first] >= _MIN_OVERLAP_SHARE]
+    link = first[part[first] >= MODELS.min_overlap_share]
     graph = coo_array((np.ones(len(link), np.bool_), (one[link], two[link])), shape=(count, count))
     labels: IntArray = connected_components(graph, directed=False)[1][component]
     return labels

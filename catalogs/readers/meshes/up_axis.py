@@ -9,14 +9,12 @@ import numpy as np
 
 from catalogs.features import Remark
 from catalogs.readers.meshes.surfaces import MeshSurface
+from catalogs.readers.settings import MODELS
 from facade_core.core.arrays import Float64Array
 
 Z_UP_FROM_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 _LEVEL_SEMANTICS = ("roof", "ground", "ceiling")
 _UPRIGHT_SEMANTICS = ("wall", "window", "door")
-_MIN_ADVANTAGE = 1.25  # of one axis over the other
-_MIN_FLOOR_SHARE = 0.05  # of the area: a floor without an equal roof above it
-_MAX_SIDE_SHARE = 0.3  # of that share: along the other axis
 Y_UP_REASON = "mesh files whose faces show that y is up, turned; state buildings.up where it is not"
 Y_UP_STATED_REASON = "mesh files whose comments say that y is up, turned; state buildings.up where it is not"
 UNKNOWN_UP_REASON = (
@@ -73,17 +71,17 @@ def _find_up(surfaces: Sequence[MeshSurface]) -> str | None:
         return _find_axis_of_floor(normals, areas)
     along = normals**2 / areas[:, None]
     fit = along[level].sum(axis=0) + (areas[upright, None] - along[upright]).sum(axis=0)
-    return "y" if fit[1] > _MIN_ADVANTAGE * fit[2] else "z"
+    return "y" if fit[1] > MODELS.min_up_axis_advantage * fit[2] else "z"
 
 
 def _find_axis_of_floor(normals: Float64Array, areas: Float64Array) -> str | None:
     """Return the axis along which closed models have a level floor and no level roof of its size; None without one."""
-    if np.abs(normals.sum(axis=0)).max() > _MIN_FLOOR_SHARE * areas.sum():
+    if np.abs(normals.sum(axis=0)).max() > MODELS.min_floor_share * areas.sum():
         return None  # open models
     directions = normals / areas[:, None]
     below, above = ((areas[:, None] * is_level).sum(axis=0) for is_level in (directions < -0.995, directions > 0.995))
     excess = np.abs(below - above) / areas.sum()
     for name, own, other in (("y", excess[1], excess[2]), ("z", excess[2], excess[1])):
-        if own > _MIN_FLOOR_SHARE and other < _MAX_SIDE_SHARE * own:
+        if own > MODELS.min_floor_share and other < MODELS.max_other_floor_share * own:
             return name
     return None

@@ -24,6 +24,7 @@ from catalogs.readers.pictures.rasters import (
     open_raster,
     read_raster_crs,
 )
+from catalogs.readers.settings import PICTURES
 from facade_core.core.arrays import BoolArray, Float64Array, UInt8Array
 from facade_core.core.errors import InputError
 
@@ -34,10 +35,6 @@ if TYPE_CHECKING:
 # Suffixes of files with the georeference of a picture.
 WORLD_FILE_SUFFIXES = frozenset({".wld", ".tfw", ".tifw", ".pgw", ".pngw", ".jgw", ".jpgw", ".jpegw", ".j2w", ".jp2w"})
 REMEDY = "give a GeoTIFF, or a PNG or JPEG with its world file beside it"
-# Pixels decoded at once; larger parts are downsampled.
-MAX_PIXELS_DECODED = 4_000_000
-# Pixels of a part before downsampling: 150 m at 1 cm.
-MAX_PIXELS_READ = 225_000_000
 
 
 @dataclass(frozen=True)
@@ -202,11 +199,13 @@ def _read_around(
         min(int(x.max()) + downsampling + 1, raster.width),
         min(int(y.max()) + downsampling + 1, raster.height),
     )
-    if (right - left) * (bottom - top) > MAX_PIXELS_READ:
+    if (right - left) * (bottom - top) > PICTURES.max_aerial_pixels_read:
         raise InputError(
             f"{raster.name} has {right - left} x {bottom - top} pixels where one surface lies; resample it to 1 cm, or coarser"
         )
-    downsampling = max(downsampling, int(np.ceil(np.sqrt((right - left) * (bottom - top) / MAX_PIXELS_DECODED))))
+    downsampling = max(
+        downsampling, int(np.ceil(np.sqrt((right - left) * (bottom - top) / PICTURES.max_aerial_pixels_decoded)))
+    )
     size = (max(1, (bottom - top) // downsampling), max(1, (right - left) // downsampling))
     rgb, alpha = _read_box(raster, (left, top, right - left, bottom - top), size if downsampling > 1 else None)
     return rgb, alpha, (left, top, (right - left) / rgb.shape[1], (bottom - top) / rgb.shape[0])

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from catalogs.readers.settings import PICTURES
 from facade_core.core.arrays import UInt8Array
 
 if TYPE_CHECKING:
@@ -19,17 +20,12 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-# Largest profile that is read: those of printing presses have up to 3 MB.
-MAX_PROFILE_BYTES = 20_000_000
-# Profiles that move no colour by more than this, of 255, are sRGB by another name.
-MAX_SRGB_ERROR = 3
 # Primaries (red, green, blue) as XYZ under D50, and exponents, of colour spaces that pictures state without a profile.
 _ADOBE_RGB = ((0.60974, 0.31111, 0.01947), (0.20528, 0.62567, 0.06087), (0.14919, 0.06322, 0.74457)), 563 / 256
 _LINEAR_SRGB = ((0.43607, 0.22249, 0.01392), (0.38515, 0.71687, 0.09708), (0.14307, 0.06061, 0.71410)), 1.0
 _D50 = (0.9642, 1.0, 0.8249)
 _INTEROPERABILITY_IFD = 0xA005  # of EXIF
 _ADOBE_RGB_INDEX = "R03"  # tag 1 of it, in pictures of cameras that are set to Adobe RGB
-_MIN_LINEAR_GAMMA = 0.9  # of a PNG's gAMA; usual ones are 0.45
 _COLOUR_SPACE = slice(16, 20)  # of the header of a profile
 _MODES = {b"RGB ": "RGB", b"GRAY": "L", b"CMYK": "CMYK"}
 
@@ -70,7 +66,12 @@ def find_profile(image: Image) -> bytes | None:
     if index.startswith(_ADOBE_RGB_INDEX):
         return _encode_profile(*_ADOBE_RGB)
     gamma = image.info.get("gamma")
-    if image.format == "PNG" and "srgb" not in image.info and isinstance(gamma, float) and gamma >= _MIN_LINEAR_GAMMA:
+    if (
+        image.format == "PNG"
+        and "srgb" not in image.info
+        and isinstance(gamma, float)
+        and gamma >= PICTURES.min_linear_gamma
+    ):
         return _encode_profile(*_LINEAR_SRGB)
     return None
 
@@ -113,7 +114,7 @@ def profile_to_srgb(content: object, modes: tuple[str, ...]) -> ColourProfile | 
     -------
     The conversion, or None where colours are sRGB already, or count as such.
     """
-    if not isinstance(content, bytes) or not 128 < len(content) <= MAX_PROFILE_BYTES:
+    if not isinstance(content, bytes) or not 128 < len(content) <= PICTURES.max_profile_bytes:
         return None
     mode = _MODES.get(content[_COLOUR_SPACE])
     return _build_profile(content, mode) if mode in modes else None
@@ -143,4 +144,4 @@ def _build_profile(content: bytes, mode: str) -> ColourProfile | None:
     except (ImageCms.PyCMSError, OSError, ValueError, TypeError):
         log.debug("a colour profile is ignored", exc_info=True)
         return None
-    return profile if np.abs(moved).max() > MAX_SRGB_ERROR else None
+    return profile if np.abs(moved).max() > PICTURES.max_srgb_error else None

@@ -21,6 +21,7 @@ from catalogs.reader_errors import is_system_error, short_message
 from catalogs.readers.pictures.colour_profiles import ColourProfile, find_profile, profile_to_srgb
 from catalogs.readers.pictures.high_depth import is_high_bit_depth, read_high_bit_depth
 from catalogs.readers.pictures.picture_kinds import HEIF_REMEDY, can_read_heif, is_heif
+from catalogs.readers.settings import PICTURES
 from facade_core.core.arrays import AnyArray, BoolArray, UInt8Array
 from facade_core.core.errors import ImageError, InputError
 from facade_core.core.regular_files import open_regular
@@ -30,17 +31,9 @@ if TYPE_CHECKING:
 
 # Formats with decoders inside Pillow: no other program is started and no other file is opened.
 PILLOW_FORMATS = ("PNG", "JPEG", "TIFF", "WEBP", "BMP", "GIF")
-# The largest cameras have 151 megapixels. Pillow holds 4 bytes per pixel: 640 MB.
-MAX_PIXELS = 160_000_000
-# The WebP decoder holds 15 bytes per pixel.
-MAX_WEBP_PIXELS = 50_000_000
-# Facades on fewer pixels show no windows.
-MIN_SIDE_PX = 16
 REMEDY = "replace or remove it"
 # Errors of one file: a broken sector, or no permission.
 _FILE_ERRNOS = frozenset((errno.EIO, errno.EACCES, errno.EPERM))
-# Pixels converted at once
-_STRIP_PIXELS = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -60,7 +53,7 @@ class Picture:
 
 
 def read_picture(
-    path: Path, *, max_pixels: int = MAX_PIXELS, max_side: int | None = None, min_side: int = 1
+    path: Path, *, max_pixels: int = PICTURES.max_pixels, max_side: int | None = None, min_side: int = 1
 ) -> Picture:
     """Read a picture as sRGB in the orientation of its EXIF; the first of several frames.
 
@@ -78,7 +71,7 @@ def read_picture(
     Raises
     ------
     ImageError
-        One line with the file name and the remedy, for an unreadable file, another format, more than MAX_PIXELS, a side below
+        One line with the file name and the remedy, for an unreadable file, another format, too many pixels, a side below
         `min_side`, or values that are no colours.
     """
     with open_picture(path) as image:
@@ -131,7 +124,9 @@ def open_picture(path: Path) -> Iterator[Image]:
             # a file object: by name Pillow maps files into memory, which rotates them wrongly and crashes where they shrink
             with open_regular(path) as file, Image.open(file, formats=formats) as image:
                 width, height = image.size
-                if width * height > (most := MAX_WEBP_PIXELS if image.format == "WEBP" else MAX_PIXELS):
+                if width * height > (
+                    most := PICTURES.max_webp_pixels if image.format == "WEBP" else PICTURES.max_pixels
+                ):
                     raise _size_error(path, most)
                 if min(width, height) < 1:
                     raise ImageError(f"{path.name} is {width} x {height} pixels; {REMEDY}")
@@ -139,7 +134,7 @@ def open_picture(path: Path) -> Iterator[Image]:
     except ImageError:
         raise
     except Image.DecompressionBombError as error:
-        raise _size_error(path, MAX_PIXELS) from error
+        raise _size_error(path, PICTURES.max_pixels) from error
     except UnidentifiedImageError as error:
         if path.stat().st_size == 0:
             raise ImageError(f"{path.name} is empty; copy it again, or remove it") from error
@@ -198,7 +193,7 @@ def _convert_to_rgb(image: Image, factor: int) -> tuple[UInt8Array, BoolArray]:
     width, height = image.size
     rows, columns = math.ceil(height / factor), math.ceil(width / factor)
     rgb, hidden = np.empty((rows, columns, 3), np.uint8), np.zeros((rows, columns), bool)
-    step = max(1, _STRIP_PIXELS // (width * factor))
+    step = max(1, PICTURES.strip_pixels // (width * factor))
     transparent = image.has_transparency_data
     profile = profile_to_srgb(find_profile(image), _profile_modes(image))
     for row in range(0, rows, step):

@@ -19,6 +19,7 @@ from catalogs.readers.pictures.rasters import (
     read_raster_crs,
 )
 from catalogs.readers.pictures.virtual_rasters import check_virtual_raster
+from catalogs.readers.settings import PICTURES
 from facade_core.core.arrays import Float32Array, Float64Array
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import open_regular
@@ -29,11 +30,6 @@ if TYPE_CHECKING:
     from rasterio.io import DatasetReader
     from rasterio.windows import Window
 
-MIN_CELL_M = 1.0  # m; facades show no smaller details of the ground
-MAX_CELLS = 4_000_000
-_MARGIN_CELLS = 2  # cells around the block, for interpolation at its border
-_HEIGHT_RANGE_M = (-1000.0, 10_000.0)  # m; other values mark unknown heights, declared or not
-_MAX_MEDIAN_SLOPE = 2.0  # metres of height a metre; over that of tree tops in a surface model
 # Units of a band by the words of their names; of other names they are metres.
 _METRES_BY_UNIT_WORD = {
     re.compile(r"\b(?:us|survey)\b.*\b(?:ft|foot|feet)\b|\b(?:ft|foot|feet)\b.*\b(?:us|survey)\b|ftus|usft"): 1200
@@ -43,9 +39,6 @@ _METRES_BY_UNIT_WORD = {
     re.compile(r"\bcm\b|centimet"): 0.01,
     re.compile(r"\bdm\b|decimet"): 0.1,
 }
-# Cells before averaging: 3.5 km at 0.25 m.
-MAX_CELLS_READ = 200_000_000
-MAX_VRT_DEPTH = 4  # nesting of virtual rasters
 REMEDY = "convert it to GeoTIFF"
 _DRIVERS_BY_MAGIC = {magic: name for magic, name in RASTER_DRIVERS.items() if name != "JPEG"} | {
     b"EHFA_HEADER_TAG": "HFA",
@@ -62,7 +55,7 @@ def read_elevation(path: Path, crs: CRS, bounds: tuple[float, float, float, floa
     """Read ground heights around the bounds of a block, in metres, NaN where unknown.
 
     The first band is warped bilinearly to square cells of the size of the raster's cells, coarser where these are finer than
-    MIN_CELL_M or would be more than MAX_CELLS. Only the part around the bounds is read.
+    PICTURES.min_elevation_cell_m or would be more than PICTURES.max_elevation_cells. Only the part around the bounds is read.
 
     Parameters
     ----------
@@ -73,7 +66,7 @@ def read_elevation(path: Path, crs: CRS, bounds: tuple[float, float, float, floa
     Raises
     ------
     InputError
-        Where the file is no raster, states no coordinate system, has more than MAX_CELLS_READ cells there, has no
+        Where the file is no raster, states no coordinate system, has too many cells there, has no
         height inside the bounds, or is too steep for heights in metres.
     """
     path = Path(path)
@@ -98,7 +91,7 @@ def _find_driver(path: Path, depth: int = 0) -> str:
     if start[:1] != b"<":
         known = ", ".join(sorted({*_DRIVERS_BY_MAGIC.values(), *_DRIVERS_BY_SUFFIX.values()}))
         raise InputError(f"{path} cannot be read as a raster (it is none of {known}); {REMEDY}")
-    if depth > MAX_VRT_DEPTH:
+    if depth > PICTURES.max_vrt_depth:
         raise InputError(f"{path} is a virtual raster of virtual rasters {depth} times over; give one GeoTIFF")
     check_virtual_raster(path, lambda source: _find_driver(source, depth + 1))
     return "VRT"
@@ -138,27 +131,33 @@ def _read_around(
     cells = np.column_stack(to_own.transform(across, along, direction="INVERSE"))
     native = float(np.linalg.norm(cells[1:] - cells[0], axis=1).min())
     if not 1e-4 <= native < math.inf:
-        raise InputError(f"{path} has cells of {native:g} m; resample it to {MIN_CELL_M:g} m with gdalwarp -tr")
-    step = max(MIN_CELL_M, round(native, 6))
+        raise InputError(
+            f"{path} has cells of {native:g} m; resample it to {PICTURES.min_elevation_cell_m:g} m with gdalwarp -tr"
+        )
+    step = max(PICTURES.min_elevation_cell_m, round(native, 6))
     while True:
         # Cell centres coincide with those of the raster in the same CRS, so that heights stay exact.
-        first = np.floor((np.array([bounds[0], bounds[1]]) - cells[0]) / step).astype(int) - _MARGIN_CELLS
-        last = np.ceil((np.array([bounds[2], bounds[3]]) - cells[0]) / step).astype(int) + _MARGIN_CELLS
+        first = (
+            np.floor((np.array([bounds[0], bounds[1]]) - cells[0]) / step).astype(int) - PICTURES.elevation_margin_cells
+        )
+        last = (
+            np.ceil((np.array([bounds[2], bounds[3]]) - cells[0]) / step).astype(int) + PICTURES.elevation_margin_cells
+        )
         width, height = (last - first + 1).tolist()
-        if width * height <= MAX_CELLS:
+        if width * height <= PICTURES.max_elevation_cells:
             break
         step *= 1.05
 
-    spare = 2 + 2 * _MARGIN_CELLS * step / native
+    spare = 2 + 2 * PICTURES.elevation_margin_cells * step / native
     left, right = np.clip([columns.min() - spare, columns.max() + spare], 0, raster.width)
     top, bottom = np.clip([rows.min() - spare, rows.max() + spare], 0, raster.height)
     window = Window(int(left), int(top), math.ceil(right) - int(left), math.ceil(bottom) - int(top))
     coarser = max(1.0, step / native)
     overview = max((factor for factor in raster.overviews(1) if factor <= coarser), default=1)
-    if window.width * window.height / overview**2 > MAX_CELLS_READ:
+    if window.width * window.height / overview**2 > PICTURES.max_elevation_cells_read:
         raise InputError(
             f"{path} has {window.width} x {window.height} cells of {native:.3g} m around the block; resample it with "
-            f"gdalwarp -tr {MIN_CELL_M:g} {MIN_CELL_M:g}"
+            f"gdalwarp -tr {PICTURES.min_elevation_cell_m:g} {PICTURES.min_elevation_cell_m:g}"
         )
     shape = max(1, round(window.height / coarser)), max(1, round(window.width / coarser))
     try:
@@ -175,7 +174,7 @@ def _read_around(
     with np.errstate(invalid="ignore", over="ignore"):  # values out of range become unknown
         source = np.ma.filled(found.astype(np.float32), np.nan)
         source = (source * np.float32(raster.scales[0]) + np.float32(raster.offsets[0])) * np.float32(unit)
-        source[~((source > _HEIGHT_RANGE_M[0]) & (source < _HEIGHT_RANGE_M[1]))] = np.nan
+        source[~((source > PICTURES.elevation_range_m[0]) & (source < PICTURES.elevation_range_m[1]))] = np.nan
 
     west, north = cells[0] + (first[0] * step, last[1] * step)
     heights = np.full((height, width), np.nan, np.float32)
@@ -192,7 +191,10 @@ def _read_around(
         dst_nodata=np.nan,
         resampling=Resampling.bilinear,
     )
-    inner = heights[_MARGIN_CELLS : height - _MARGIN_CELLS, _MARGIN_CELLS : width - _MARGIN_CELLS]
+    inner = heights[
+        PICTURES.elevation_margin_cells : height - PICTURES.elevation_margin_cells,
+        PICTURES.elevation_margin_cells : width - PICTURES.elevation_margin_cells,
+    ]
     if not np.isfinite(inner).any():
         raise InputError(_coverage_message(raster, path, raster_crs, crs, bounds, "has no known height inside"))
     _check_slope(heights, step, path)
@@ -240,7 +242,7 @@ def _check_slope(heights: Float32Array, step: float, path: Path) -> None:
         return
     slopes = np.hypot(*np.gradient(heights, step))
     slopes = slopes[np.isfinite(slopes)]
-    if len(slopes) and (median := float(np.median(slopes))) > _MAX_MEDIAN_SLOPE:
+    if len(slopes) and (median := float(np.median(slopes))) > PICTURES.max_median_slope:
         raise InputError(
             f"{path}: half of its cells rise more than {median:.2g} m a metre, so its heights cannot be metres; state "
             "their unit, e.g. gdal_translate -a_scale 0.01 for centimetres"

@@ -11,17 +11,14 @@ from catalogs.crs import LONLAT
 from catalogs.readers.pictures.capture_dates import exif_capture_date
 from catalogs.readers.pictures.decoding import open_picture
 from catalogs.readers.pictures.source_poses import SourcePose, TagValue, degrees_from_dms
+from catalogs.readers.settings import PICTURES
 from facade_core.core.errors import ImageError
 
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-# A full panorama is twice as wide as high; stitchers round sides to multiples of up to 32 pixels.
-ASPECT_TOLERANCE = 0.02
 _GPS_IFD = 0x8825
 _ORIENTATION_TAG = 0x0112
-# Largest plausible side of a full panorama, pixels.
-_MAX_FULL_SIDE_PX = 1e6
 _FULL_VIEW = (0.0, 0.0, 1.0, 1.0)
 _ZERO_HEADING_REASON = (
     "panoramas whose GPano heading is 0, a usual default, and whose EXIF states another: 0 taken; give a poses file if the "
@@ -51,7 +48,7 @@ def read_panorama_view(path: Path) -> tuple[float, float, float, float] | None:
     with open_picture(path) as image:
         pano, (width, height) = _gpano_fields(image), image.size
         turned = _is_rotated(image)
-    if "ProjectionType" not in pano and (turned or abs(width / height / 2 - 1) > ASPECT_TOLERANCE):
+    if "ProjectionType" not in pano and (turned or abs(width / height / 2 - 1) > PICTURES.panorama_aspect_tolerance):
         return None
     try:
         return read_panorama_metadata(path)[0]
@@ -75,7 +72,7 @@ def read_panorama_metadata(path: Path) -> tuple[tuple[float, float, float, float
     if turned:
         raise ValueError("is turned by its EXIF, and a panorama's sky is its first row; save it upright, or remove it")
     full_width, full_height = width / view[2], height / view[3]
-    if abs(full_width / full_height / 2 - 1) > ASPECT_TOLERANCE:
+    if abs(full_width / full_height / 2 - 1) > PICTURES.panorama_aspect_tolerance:
         whole = "" if view == _FULL_VIEW else f", {full_width:.0f} x {full_height:.0f} uncropped"
         raise ValueError(
             f"is {width} x {height} pixels{whole}, and an equirectangular panorama is twice as wide as high; "
@@ -137,7 +134,7 @@ def _gpano_view(pano: Mapping[str, str]) -> tuple[float, float, float, float]:
         assert whole
         assert length
         # writers round, and some start a picture at any column of the circle
-        if not (1 <= length <= 1.01 * whole <= _MAX_FULL_SIDE_PX and -whole <= start <= whole):
+        if not (1 <= length <= 1.01 * whole <= PICTURES.max_full_side_px and -whole <= start <= whole):
             raise ValueError(
                 f"states by GPano a part of {length:g} pixels at {start:g} of {whole:g}, which is none; mend or remove its XMP"
             )

@@ -10,8 +10,9 @@ from pathlib import Path
 from catalogs.features import Fault, safe_file_stem
 from catalogs.file_digest import file_digest
 from catalogs.reader_errors import to_single_line
-from catalogs.readers.pictures.decoding import MIN_SIDE_PX, REMEDY, is_unreadable_file, open_picture, unreadable_message
+from catalogs.readers.pictures.decoding import REMEDY, is_unreadable_file, open_picture, unreadable_message
 from catalogs.readers.pictures.picture_kinds import IMAGE_SUFFIXES, LABEL_MAP_SUFFIX, is_picture_name, unread_reason
+from catalogs.readers.settings import PICTURES
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import open_regular
 
@@ -41,7 +42,7 @@ def list_images(folder: Path, kind: str) -> tuple[tuple[Path, ...], tuple[Fault,
         path: _name_problem(path)
         or _missing_file_problem(path)
         or _read_problem(path)
-        or _find_damage(path, MIN_SIDE_PX)
+        or _find_damage(path, PICTURES.min_side_px)
         for path in found
     }
     usable = tuple(path for path, problem in damage.items() if problem is None)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from catalogs.readers.gdal_files import open_raster_dataset
+from catalogs.readers.settings import PICTURES
 from facade_core.core.arrays import BoolArray, Float32Array, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.regular_files import open_regular
@@ -21,13 +22,7 @@ if TYPE_CHECKING:
     from rasterio.io import DatasetReader
     from rasterio.windows import Window
 
-# Bit depths of cameras and scanners; the first that holds all values is assumed.
-BIT_DEPTHS = (8, 10, 12, 14, 16)
-# Smallest maximum, of 255: darker pictures are black or hold other values.
-MIN_PEAK_VALUE = 16
 REMEDY = "save it as PNG or JPEG of 8 bits"
-# Values read at once, over all bands
-_MAX_VALUES_PER_READ = 4_000_000
 # TIFF tags and value.
 _BITS_PER_SAMPLE_TAG = 258
 _SAMPLE_FORMAT_TAG = 339
@@ -51,7 +46,7 @@ def is_high_bit_depth(image: Image) -> bool:
 def read_high_bit_depth(path: Path, factor: int) -> tuple[UInt8Array, BoolArray]:
     """Read a picture as 8-bit RGB, averaged over blocks of `factor` x `factor` pixels.
 
-    Integers are scaled by the smallest of BIT_DEPTHS that holds them all; fractions range from 0 to 1 or from 0 to 255.
+    Integers are scaled by the smallest of PICTURES.bit_depths that holds them all; fractions range to 1 or to 255.
     The file is read twice, a few rows at a time, so that memory does not grow with the file.
 
     Parameters
@@ -82,7 +77,7 @@ def read_high_bit_depth(path: Path, factor: int) -> tuple[UInt8Array, BoolArray]
         bands, transparent, inverted = _colour_bands(path, raster)
         if raster.dtypes[0].startswith("complex"):
             raise ImageError(f"{path.name} has complex values; {REMEDY}")
-        step = factor * max(1, _MAX_VALUES_PER_READ // (raster.width * raster.count * factor))
+        step = factor * max(1, PICTURES.max_values_per_read // (raster.width * raster.count * factor))
         windows = [
             Window(0, row, raster.width, min(step, raster.height - row)) for row in range(0, raster.height, step)
         ]
@@ -145,11 +140,11 @@ def _white_value(path: Path, kind: str, low: float, high: float) -> float:
     if kind.startswith("float"):
         white = 1.0 if high <= 1.05 else 255.0
         wanted = "0 to 1 or 0 to 255"
-        fits = low >= -0.05 * white and white / 255 * MIN_PEAK_VALUE <= high <= 1.05 * white
+        fits = low >= -0.05 * white and white / 255 * PICTURES.min_peak_value <= high <= 1.05 * white
     else:
-        white = next((2.0**bits - 1 for bits in BIT_DEPTHS if high < 2**bits), math.inf)
+        white = next((2.0**bits - 1 for bits in PICTURES.bit_depths if high < 2**bits), math.inf)
         wanted = "0 to 255 or 0 to 65535"
-        fits = low >= 0 and MIN_PEAK_VALUE <= high < math.inf and white < math.inf
+        fits = low >= 0 and PICTURES.min_peak_value <= high < math.inf and white < math.inf
     if not fits:
         raise ImageError(f"{span}, which are neither {wanted.replace(' or ', ' nor ')}; {REMEDY}")
     return white

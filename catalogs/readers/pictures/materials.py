@@ -9,15 +9,12 @@ from typing import NamedTuple
 
 from catalogs.readers.pictures.decoding import open_picture
 from catalogs.readers.pictures.folders import list_images
+from catalogs.readers.settings import PICTURES
 from facade_core.core.errors import InputError
 from facade_core.core.types import MATERIALS
 
 # NAME.jpg, or NAME-1.5m.jpg for a picture of that width.
 _FILE_NAME = re.compile(r"(.+?)(?:-(\d+(?:\.\d+)?)m)?")
-DEFAULT_WIDTH_M = 1.0  # m, without a width in the name
-WIDTH_RANGE_M = (0.1, 20.0)  # m
-# Largest difference of the aspect ratio from a whole number.
-MAX_ASPECT_ERROR = 0.03
 
 
 class MaterialPicture(NamedTuple):
@@ -57,15 +54,15 @@ def _parse_picture(folder: Path, path: Path) -> MaterialPicture:
         close = difflib.get_close_matches(name, MATERIALS, n=1)
         remedy = f"did you mean {close[0]}?" if close else f"rename it to one of {', '.join(MATERIALS)}, or remove it"
         raise InputError(f"{folder}: {path.name} names no material that is known; {remedy}")
-    metres = float(width_text) if width_text else DEFAULT_WIDTH_M
-    if not WIDTH_RANGE_M[0] <= metres <= WIDTH_RANGE_M[1]:
-        low, high = WIDTH_RANGE_M
+    metres = float(width_text) if width_text else PICTURES.default_material_width_m
+    if not PICTURES.material_width_range_m[0] <= metres <= PICTURES.material_width_range_m[1]:
+        low, high = PICTURES.material_width_range_m
         raise InputError(
             f"{folder}: {path.name} says {width_text} m; a picture is {low:g} to {high:g} m wide, rename it"
         )
     with open_picture(path) as image:
         width, height = image.size
-    if abs(width / height - max(1, round(width / height))) > MAX_ASPECT_ERROR:
+    if abs(width / height - max(1, round(width / height))) > PICTURES.max_material_aspect_error:
         raise InputError(
             f"{folder}: {path.name} is {width} x {height} pixels and cannot be laid; "
             "give one that goes on into itself, as wide as high or twice, three times, ... as wide"

@@ -18,17 +18,13 @@ from catalogs.readers.pictures.embedded_poses import read_panorama_metadata
 from catalogs.readers.pictures.folders import list_images
 from catalogs.readers.pictures.poses import PosesFile, read_poses_file
 from catalogs.readers.pictures.source_poses import SourcePose, find_implausible_value
+from catalogs.readers.settings import PICTURES
 from facade_core.core.errors import InputError
 from facade_core.core.types import Pose
 
 if TYPE_CHECKING:
     from pyproj import CRS, Transformer
 
-# Panoramas farther from the buildings, in metres, show none at a useful size.
-MAX_DISTANCE_M = 1000.0
-# Nearby pictures with a larger gap may show two states of a street.
-NEARBY_M = 30.0  # m
-MAX_AGE_GAP_DAYS = 400  # days
 _OUTDATED_REASON = (
     "panoramas taken more than a year before others beside them; `changed` tells of facades, ground shows all of them"
 )
@@ -74,7 +70,8 @@ def read_panoramas(
 
     The pose is the first with position and heading of: the poses file, GPano XMP with EXIF GPS, EXIF GPS. Headings from true
     north become grid headings. z is None unless the poses file states it, since GPS heights have another datum. GPano XMP
-    states the part of the full panorama. Panoramas farther than MAX_DISTANCE_M outside the bounds are skipped with a remark.
+    states the part of the full panorama. Panoramas farther than PICTURES.max_panorama_distance_m outside the bounds are skipped
+    with a remark.
     Panoramas much older than a nearby one get a remark.
 
     Parameters
@@ -120,7 +117,9 @@ def read_panoramas(
             faults.append(Fault(path.name, "panorama", fault_reason(error, "mend its pose, or remove it")))
             continue
         posed += 1
-        if not math.isfinite(pose.x + pose.y) or (bounds and distance_outside(pose, bounds) > MAX_DISTANCE_M):
+        if not math.isfinite(pose.x + pose.y) or (
+            bounds and distance_outside(pose, bounds) > PICTURES.max_panorama_distance_m
+        ):
             remarks.append(Remark(path.stem, _distant_reason(source, view, crs, frames, bounds), None))
             continue
         alike = same_size.setdefault(path.stat().st_size, [])
@@ -174,7 +173,11 @@ def _distant_reason(
             pose = project_pose(mended, view, crs, transformers)
         except ValueError:
             continue
-        if bounds and math.isfinite(pose.x + pose.y) and distance_outside(pose, bounds) <= MAX_DISTANCE_M:
+        if (
+            bounds
+            and math.isfinite(pose.x + pose.y)
+            and distance_outside(pose, bounds) <= PICTURES.max_panorama_distance_m
+        ):
             return reason
     return "panoramas of another place skipped"
 
@@ -188,13 +191,15 @@ def outdated_remarks(items: Sequence[PosedPanorama]) -> list[Remark]:
         return []
     places = shapely.points([(one.pose.x, one.pose.y) for one, _ in dated])
     newest: dict[int, int] = {}  # newest neighbour of each
-    for first, second in shapely.STRtree(places).query(places, predicate="dwithin", distance=NEARBY_M).T.tolist():
+    for first, second in (
+        shapely.STRtree(places).query(places, predicate="dwithin", distance=PICTURES.nearby_panorama_m).T.tolist()
+    ):
         if dated[second][1] > dated[newest.get(first, first)][1]:
             newest[first] = second
     found = []
     for first, second in sorted(newest.items()):
         (older, before), (newer, after) = dated[first], dated[second]
-        if (after - before).days > MAX_AGE_GAP_DAYS:
+        if (after - before).days > PICTURES.max_age_gap_days:
             found.append(Remark(f"{older.id} of {before} near {newer.id} of {after}", _OUTDATED_REASON, None))
     return found
 

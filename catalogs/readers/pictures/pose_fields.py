@@ -10,6 +10,7 @@ from datetime import UTC, date, datetime
 from catalogs.crs import metres_per_height_unit, parse_crs
 from catalogs.features import Remark
 from catalogs.printable_text import escape_invisible
+from catalogs.readers.settings import PICTURES
 from facade_core.core.json_types import JsonObject
 
 # Names of a field, lower-case, words joined by "_", without unit and namespace. The first stated one counts.
@@ -58,10 +59,6 @@ _DATE = re.compile(
     r"(?P<y>\d{4})[-:/_]?(?P<m>\d\d)[-:/_]?(?P<d>\d\d)(?:(?!\d)|(?=\d{6}(?!\d)))"
     r"|(?P<D>\d\d?)\.(?P<M>\d\d?)\.(?P<Y>\d{4})(?!\d)"
 )
-_MIN_EPOCH_S = 1e8  # of 1973; smaller numbers are no times
-_MIN_EPOCH_MS = 1e11
-_MAX_EPOCH_S = 4e9  # of 2096
-_MAX_NAME_LENGTH = 40
 # Fields that a row may leave empty, and what a camera without it has.
 _DEFAULTS = {"z": "height unknown", "pitch": "taken as 0", "roll": "taken as 0"}
 
@@ -144,7 +141,7 @@ def find_unused_fields(file: str, records: Iterable[JsonObject]) -> tuple[Remark
     plain = {field_name(name) for name in unused}
     sizes = {"width", "height"} if "width" in plain else set()
     return tuple(
-        Remark(escape_invisible(name)[:_MAX_NAME_LENGTH], _UNUSED_REASON.format(file=file), None)
+        Remark(escape_invisible(name)[: PICTURES.max_field_name_length], _UNUSED_REASON.format(file=file), None)
         for name in unused
         if field_name(name) not in sizes
     )
@@ -166,8 +163,8 @@ def parse_capture_day(value: object) -> str | None:
         seconds = float(text)
     except ValueError:
         return None
-    seconds = seconds / 1000 if seconds >= _MIN_EPOCH_MS else seconds
-    if not _MIN_EPOCH_S <= seconds < _MAX_EPOCH_S:
+    seconds = seconds / 1000 if seconds >= PICTURES.min_epoch_ms else seconds
+    if not PICTURES.min_epoch_s <= seconds < PICTURES.max_epoch_s:
         return None
     return datetime.fromtimestamp(seconds, UTC).date().isoformat()
 
@@ -183,7 +180,8 @@ def find_unread_days(file: str, records: Iterable[JsonObject]) -> tuple[Remark, 
     stated = {(name, str(record[name])) for record in records if (name := find_field(record, "captured")) is not None}
     unread = sorted({name for name, text in stated if parse_capture_day(text) is None})
     return tuple(
-        Remark(escape_invisible(name)[:_MAX_NAME_LENGTH], _DATE_REASON.format(file=file), None) for name in unread
+        Remark(escape_invisible(name)[: PICTURES.max_field_name_length], _DATE_REASON.format(file=file), None)
+        for name in unread
     )
 
 
@@ -211,7 +209,7 @@ def find_empty_fields(file: str, records: Mapping[str, JsonObject]) -> dict[str,
             if field is None and key in _DEFAULTS:
                 reason = f"panoramas whose {first} is empty in {file}, {_DEFAULTS[key]}"
             elif field is not None and plain[name] != first:
-                other = escape_invisible(field)[:_MAX_NAME_LENGTH]
+                other = escape_invisible(field)[: PICTURES.max_field_name_length]
                 reason = f"panoramas whose {first} is empty in {file}, {key} taken from {other}"
             else:
                 continue

@@ -18,12 +18,12 @@ from catalogs.readers.pictures.camera_angles import (
 )
 from catalogs.readers.pictures.pose_fields import FIELD_NAMES, field_name, find_field, squeeze
 from catalogs.readers.pictures.source_poses import MAX_MAGNITUDES, finite_number
+from catalogs.readers.settings import PICTURES
 from facade_core.core.json_types import JsonObject
 
 _DECIMAL_COMMA = re.compile(r"^([+-]?\d+),(\d+)$")
 # Members of JSON that hold the list of pictures, of KartaView and others one in another.
 _LIST_KEYS = ("data", "features", "result", "osv", "photos", "images", "currentPageItems")
-_MAX_LIST_DEPTH = 3
 # Members of a record that hold its place.
 _PLACE_KEYS = ("location", "position", "latLng", "gps")
 # Entry of a poses file, or the error for which it cannot be used.
@@ -89,7 +89,7 @@ def _find_records(content: JsonObject, depth: int = 0) -> list[JsonObject] | Non
             return value
         if (
             isinstance(value, dict)
-            and depth < _MAX_LIST_DEPTH
+            and depth < PICTURES.max_list_depth
             and (found := _find_records(value, depth + 1)) is not None
         ):
             return found

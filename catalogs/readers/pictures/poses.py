@@ -22,14 +22,12 @@ from catalogs.readers.pictures.pose_fields import (
 )
 from catalogs.readers.pictures.pose_records import csv_records, json_records
 from catalogs.readers.pictures.source_poses import SourcePose, degrees_from_dms, finite_number
+from catalogs.readers.settings import PICTURES
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject, JsonValue
 from facade_core.core.regular_files import read_regular, require_regular
 
-# Bytes; parsed JSON of nested lists takes twenty times its size.
-MAX_FILE_BYTES = 40_000_000
 _FORMAT_HINT = 'a CSV with file,x,y,z,heading columns or JSON {"crs": ..., "poses": {"FILE": {"x", "y", "heading"}}}'
-_MAX_TILT_DEG = 45.0
 _TILT_REASON = (
     "panoramas that {file} tilts by over 45 degrees; pitch is 0 at the horizon (Metashape counts from straight down), roll 0 "
     "upright"
@@ -73,11 +71,12 @@ def read_poses_file(path: Path) -> PosesFile:
     """
     try:
         require_regular(path)
-        if path.stat().st_size > MAX_FILE_BYTES:
+        if path.stat().st_size > PICTURES.max_poses_bytes:
             raise InputError(
-                f"{path} has more than {MAX_FILE_BYTES // 1_000_000} MB; keep the poses alone, without points and tracks"
+                f"{path} has more than {PICTURES.max_poses_bytes // 1_000_000} MB; keep the poses alone, without "
+                "points and tracks"
             )
-        content = read_regular(path, MAX_FILE_BYTES)
+        content = read_regular(path, PICTURES.max_poses_bytes)
         text = content.decode("utf-16" if content.startswith((BOM_UTF16_LE, BOM_UTF16_BE)) else "utf-8-sig")
     except OSError as error:
         raise InputError(
@@ -115,7 +114,7 @@ def read_poses_file(path: Path) -> PosesFile:
     remarks += [
         Remark(name, _TILT_REASON.format(file=path.name), None)
         for name, pose in poses.items()
-        if isinstance(pose, SourcePose) and max(abs(pose.pitch), abs(pose.roll)) > _MAX_TILT_DEG
+        if isinstance(pose, SourcePose) and max(abs(pose.pitch), abs(pose.roll)) > PICTURES.max_panorama_tilt_deg
     ]
     return PosesFile(poses, tuple(remarks))
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from catalogs.crs import has_east_north_axes, parse_crs
 from catalogs.reader_errors import to_single_line, wrap_reader_errors
 from catalogs.readers.gdal_files import open_raster_dataset
+from catalogs.readers.settings import PICTURES
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import open_regular
 
@@ -33,13 +34,6 @@ RASTER_DRIVERS: Mapping[bytes, str] = {
     b"\xff\xd8\xff": "JPEG",
     b"\0\0\0\x0cjP": "JP2OpenJPEG",
 }
-# A row of blocks must fit into the cache, else GDAL decodes the blocks again for every few rows.
-GDAL_CACHE_BYTES = 256_000_000
-MAX_ROW_CELLS = 16_384  # cells in a row of a part that is read
-# Sides of a cell, in units of the CRS: shorter ones are below rounding, longer ones span the Earth.
-_MIN_CELL_SIDE = 1e-9
-_MAX_CELL_SIDE = 1e7
-_MAX_PROJECTION_BYTES = 100_000
 
 
 def detect_driver(path: Path, drivers: Mapping[bytes, str]) -> str | None:
@@ -72,7 +66,7 @@ def open_raster(path: Path, driver: str, kind: str, remedy: str) -> Iterator[Dat
         try:
             with warnings.catch_warnings(), _silence_unraisable():
                 warnings.simplefilter("ignore", NotGeoreferencedWarning)  # rejected below with a remedy
-                with open_raster_dataset(path, driver, {"GDAL_CACHEMAX": GDAL_CACHE_BYTES}) as opened:
+                with open_raster_dataset(path, driver, {"GDAL_CACHEMAX": PICTURES.gdal_cache_bytes}) as opened:
                     _check_size(opened, path)
                     yield opened
         except RasterioError as error:
@@ -107,7 +101,9 @@ def check_georeference(raster: DatasetReader, path: Path, remedy: str) -> None:
         stated = "control points only; warp it with gdalwarp" if raster.gcps[0] else f"no place on the ground; {remedy}"
         raise InputError(f"{path} states {stated}")
     sides = math.hypot(cell.a, cell.d), math.hypot(cell.b, cell.e)
-    sound = all(_MIN_CELL_SIDE <= side <= _MAX_CELL_SIDE for side in sides) and math.isfinite(cell.c + cell.f)
+    sound = all(PICTURES.min_cell_side <= side <= PICTURES.max_cell_side for side in sides) and math.isfinite(
+        cell.c + cell.f
+    )
     if not (sound and abs(cell.a * cell.e - cell.b * cell.d) > 0.01 * sides[0] * sides[1]):
         shown = ", ".join(f"{value:g}" for value in (cell.a, cell.b, cell.d, cell.e))
         raise InputError(
@@ -149,7 +145,7 @@ def _read_projection_file(path: Path) -> str | None:
     if not beside.is_file():
         return None
     with open_regular(beside) as file:
-        return file.read(_MAX_PROJECTION_BYTES).decode(errors="replace").strip() or None
+        return file.read(PICTURES.max_projection_bytes).decode(errors="replace").strip() or None
 
 
 def _check_size(raster: DatasetReader, path: Path) -> None:
@@ -159,8 +155,8 @@ def _check_size(raster: DatasetReader, path: Path) -> None:
         raise InputError(f"{path} states {raster.width} x {raster.height} cells and holds fewer; export it again")
     rows, columns = raster.block_shapes[0]
     together = raster.count if raster.count > 1 and str(raster.interleaving or "").lower().endswith("pixel") else 1
-    across = math.ceil(min(raster.width, MAX_ROW_CELLS) / columns)
-    if rows * columns * across * together * max(map(_value_bytes, raster.dtypes)) > GDAL_CACHE_BYTES:
+    across = math.ceil(min(raster.width, PICTURES.max_row_cells) / columns)
+    if rows * columns * across * together * max(map(_value_bytes, raster.dtypes)) > PICTURES.gdal_cache_bytes:
         raise InputError(
             f"{path} is stored in blocks of {columns} x {rows} cells; rewrite it with gdal_translate -co TILED=YES"
         )

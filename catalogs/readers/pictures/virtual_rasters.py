@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from catalogs.reader_errors import short_message
+from catalogs.readers.settings import PICTURES
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import read_regular
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
-MAX_FILE_BYTES = 4_000_000  # bytes
 REMEDY = "give one GeoTIFF (gdal_translate)"
 # Elements of mosaics of gdalbuildvrt and gdal_translate. Other elements read any file as raw numbers, warp, compute, or open
 # sources with options.
@@ -55,10 +55,12 @@ def check_virtual_raster(path: Path, check_source: Callable[[Path], object]) -> 
     from defusedxml import ElementTree
     from defusedxml.common import DefusedXmlException
 
-    if path.stat().st_size > MAX_FILE_BYTES:
-        raise InputError(f"{path} is XML of more than {MAX_FILE_BYTES // 1_000_000} MB, no raster; give e.g. a GeoTIFF")
+    if path.stat().st_size > PICTURES.max_vrt_bytes:
+        raise InputError(
+            f"{path} is XML of more than {PICTURES.max_vrt_bytes // 1_000_000} MB, no raster; give e.g. a GeoTIFF"
+        )
     try:
-        root: Element = ElementTree.fromstring(read_regular(path, MAX_FILE_BYTES), forbid_dtd=True)
+        root: Element = ElementTree.fromstring(read_regular(path, PICTURES.max_vrt_bytes), forbid_dtd=True)
     except (ElementTree.ParseError, DefusedXmlException, ValueError, LookupError) as error:
         raise InputError(
             f"{path} is no raster, nor XML of one ({short_message(error)}); give e.g. a GeoTIFF"

@@ -11,12 +11,10 @@ import shapely
 
 from catalogs.features import Centreline, CentrelinesAndGround, Fault
 from catalogs.reader_errors import fault_reason
-from catalogs.readers.faces import MAX_COORDINATE
+from catalogs.readers.settings import LIMITS, VECTORS
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
-
-_DUPLICATE_TOLERANCE = 1e-7  # degrees or metres; lines that differ by less are equal
 
 
 def build_centrelines(
@@ -38,7 +36,9 @@ def build_centrelines(
             try:
                 reason = _find_defect(part)
                 line = shapely.force_2d(part)
-                key = shapely.normalize(shapely.transform(line, lambda xy: np.round(xy / _DUPLICATE_TOLERANCE))).wkb
+                key = shapely.normalize(
+                    shapely.transform(line, lambda xy: np.round(xy / VECTORS.duplicate_tolerance))
+                ).wkb
             except Exception as error:  # an error of GEOS affects this line only
                 reason = fault_reason(error)
             if reason:
@@ -58,7 +58,7 @@ def is_building_passage(tags: Mapping[str, str]) -> bool:
 def _find_defect(part: BaseGeometry) -> str | None:
     if part.geom_type not in ("LineString", "LinearRing"):
         return f"is a {part.geom_type}, no line; draw it as a line, or remove it"
-    if not (np.abs(shapely.get_coordinates(part)) < MAX_COORDINATE).all():
+    if not (np.abs(shapely.get_coordinates(part)) < LIMITS.max_coordinate).all():
         return "has a coordinate that is no finite number, or absurdly far away; mend or remove it"
     if not part.length > 0:
         return "has no length; draw it longer, or remove it"

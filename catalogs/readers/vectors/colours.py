@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from catalogs.readers.settings import VECTORS
 from facade_core.core.types import BuildingFinish
 
 Colour = tuple[int, int, int]
@@ -55,9 +56,6 @@ WALL_MATERIAL_COLOURS: dict[str, Colour] = {
     "metal": (150, 154, 158),
     "glass": (130, 148, 156),
 }
-_MAX_TEXT_LENGTH = 64  # letters
-_MIN_CHANNEL = 24  # of 255
-_MAX_CHANNEL = 238  # of 255
 
 
 def parse_building_finish(tags: Mapping[str, str]) -> BuildingFinish:
@@ -79,7 +77,15 @@ def parse_colour(text: str) -> Colour | None:
     """
     from PIL import ImageColor
 
-    text = text[:_MAX_TEXT_LENGTH].partition(";")[0].strip().lower().replace(" ", "").replace("_", "").replace("-", "")
+    text = (
+        text[: VECTORS.max_colour_text_length]
+        .partition(";")[0]
+        .strip()
+        .lower()
+        .replace(" ", "")
+        .replace("_", "")
+        .replace("-", "")
+    )
     if text in NAMED_COLOURS:
         return NAMED_COLOURS[text]
     if len(text) in (3, 6) and all(letter in "0123456789abcdef" for letter in text):
@@ -89,11 +95,13 @@ def parse_colour(text: str) -> Colour | None:
     except ValueError:
         return None
     # paint is neither black nor white
-    red, green, blue = (min(max(value, _MIN_CHANNEL), _MAX_CHANNEL) for value in (red, green, blue))
+    red, green, blue = (
+        min(max(value, VECTORS.min_colour_channel), VECTORS.max_colour_channel) for value in (red, green, blue)
+    )
     return red, green, blue
 
 
 def _material_name(text: str) -> str | None:
     """Return a material as written, of a list the first."""
-    text = text[:_MAX_TEXT_LENGTH].partition(";")[0].strip().lower()
+    text = text[: VECTORS.max_colour_text_length].partition(";")[0].strip().lower()
     return text if text and text not in ("yes", "no", "unknown") else None

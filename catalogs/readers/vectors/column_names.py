@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 
+from catalogs.readers.settings import VECTORS
 from catalogs.readers.vectors.height_units import LENGTH_TAGS, UNIT_SUFFIXES
 
 _TAG_COLUMN_NAMES = {
@@ -157,12 +158,10 @@ _KNOWN_COLUMNS = frozenset(
     for name in names
 )
 
-# Known names whose words other maps join: BuildingHeight. Short ones are words of their own: hm, of h_m.
-_MIN_JOINED_LENGTH = 6
 _JOINED_COLUMNS = {
     joined: name
     for name in sorted(_KNOWN_COLUMNS)
-    if "_" in name and len(joined := name.replace("_", "")) >= _MIN_JOINED_LENGTH
+    if "_" in name and len(joined := name.replace("_", "")) >= VECTORS.min_joined_length
 }
 
 

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from catalogs.readers.settings import VECTORS
 from catalogs.readers.vectors.column_names import (
     CLASS_COLUMNS,
     EXTRA_TAG_COLUMNS,
@@ -19,9 +20,7 @@ from catalogs.readers.vectors.column_names import (
 from catalogs.readers.vectors.height_units import LENGTH_TAGS, METRES, ColumnUnits
 from catalogs.readers.vectors.lengths import is_unknown_code
 
-_GROUND_RANGE_M = (-500.0, 9000.0)  # m; other numbers are codes for unknown
 _ONE_WAY_CODES = ("F", "T")  # Geofabrik: along the line, against it; B for both
-_MAX_CELL_LENGTH = 10_000  # letters of a cell that are read
 _PAIR = re.compile(r'"((?:[^"\\]|\\.)*)"\s*=>\s*"((?:[^"\\]|\\.)*)"')
 # Floats of this size skip integers.
 MIN_INEXACT_INTEGER = 2**53
@@ -107,7 +106,7 @@ def _ground_height(record: Mapping[str, object], grounds: Iterable[tuple[str, st
             height = float(cell_text(record[field])) * units.metres_per_unit(name)
         except ValueError:
             continue
-        if _GROUND_RANGE_M[0] < height < _GROUND_RANGE_M[1]:
+        if VECTORS.ground_range_m[0] < height < VECTORS.ground_range_m[1]:
             return f"{height:.4f}"
     return None
 
@@ -134,7 +133,7 @@ def cell_text(value: object) -> str:
             if value.is_integer() and abs(value) < MIN_INEXACT_INTEGER
             else str(value)
         )
-    text = "" if value is None else str(value[:_MAX_CELL_LENGTH] if isinstance(value, str) else value).strip()
+    text = "" if value is None else str(value[: VECTORS.max_cell_length] if isinstance(value, str) else value).strip()
     return "" if text.lower() in ("nan", "none", "null", "<na>", "nat") else text
 
 

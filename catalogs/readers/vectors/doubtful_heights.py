@@ -7,14 +7,12 @@ from collections.abc import Container, Mapping, MutableMapping, Sequence
 import numpy as np
 
 from catalogs.features import Remark
+from catalogs.readers.settings import VECTORS
 from catalogs.readers.vectors.column_names import TAG_COLUMNS
 from catalogs.readers.vectors.height_units import ColumnUnits
 from catalogs.readers.vectors.lengths import parse_floor_count, parse_length
 from facade_core.core.arrays import Float64Array
 
-_ABOVE_GROUND_RANGE_M = (2.0, 80.0)  # of buildings whose heights count from the datum
-_STOREY_RANGE_M = (1.5, 7.0)  # median height of a storey
-_MAX_MEDIAN_HEIGHT_M = 200.0  # of all buildings of a file
 # Columns of a height of the roof that stand next to a least one: of points measured on it, not a lower end.
 _MEASURED_HEIGHTS = ("avg_height", "avg_hgt", "max_height", "max_hgt", "h_avg", "h_mean", "h_median", "h_max")
 # Columns of the French map (BD TOPO), where `hauteur` reaches to the gutter.
@@ -76,7 +74,7 @@ def find_doubtful_heights(
 
 def _find_doubt(heights: Float64Array, tags: Sequence[Mapping[str, str]], *, is_unit_stated: bool) -> str | None:
     above = heights - _values(tags, "ground")
-    low, high = _ABOVE_GROUND_RANGE_M
+    low, high = VECTORS.above_ground_range_m
     if np.isfinite(above).any() and (heights[np.isfinite(above)] > high).all():
         above = above[np.isfinite(above)]
         if ((above >= low) & (above <= high)).all():
@@ -86,10 +84,10 @@ def _find_doubt(heights: Float64Array, tags: Sequence[Mapping[str, str]], *, is_
     levels = [parse_floor_count(one.get("building:levels", "")) for one in tags]
     storeys = heights / np.array([one if one else np.nan for one in levels], np.float64)
     if np.isfinite(storeys).any():
-        middle, (low, high) = float(np.nanmedian(storeys)), _STOREY_RANGE_M
+        middle, (low, high) = float(np.nanmedian(storeys)), VECTORS.storey_range_m
         if not low < middle < high:
             return f"{middle:.1f} a storey; call the column by its unit (height_ft, height_dm, height_cm), or levels"
-    elif (middle := float(np.nanmedian(heights))) > _MAX_MEDIAN_HEIGHT_M:
+    elif (middle := float(np.nanmedian(heights))) > VECTORS.max_median_height_m:
         return f"{middle:.0f} on the median; call the column by its unit (height_ft, height_cm or height_mm)"
     return None
 

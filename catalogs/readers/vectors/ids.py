@@ -5,11 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 
+from catalogs.readers.settings import VECTORS
 from catalogs.readers.vectors.column_names import ELEMENT_TYPE_COLUMNS, ID_COLUMNS
 from catalogs.readers.vectors.columns import MIN_INEXACT_INTEGER, cell_text
 
-# Share of unique values above which a column is used as ids.
-_MIN_UNIQUE_SHARE = 0.6
 _OSM_ID = re.compile(r"(node|way|relation)/(\d+)")
 # GDAL writes numbers of that size in exponent form in text columns.
 _INEXACT_NUMBER = re.compile(r"\d\.\d{15,16}e\+\d+")
@@ -55,7 +54,7 @@ def assign_ids(records: list[dict[str, object]], columns: Mapping[str, str]) -> 
         stated = stated or any(texts)
         if all(texts) and len({*texts}) == len(texts):
             return texts, _inexact_ids(texts, records, columns[name])
-        if nearly is None and len({*texts} - {""}) >= _MIN_UNIQUE_SHARE * len(texts):
+        if nearly is None and len({*texts} - {""}) >= VECTORS.min_unique_share * len(texts):
             nearly = texts, columns[name]
     if nearly is None:
         ids = [str(row) for row in range(len(records))]

@@ -18,9 +18,8 @@ from catalogs.crs import LONLAT, metres_per_height_unit
 from catalogs.features import Remark
 from catalogs.reader_errors import is_system_error, short_message
 from catalogs.readers import gdal_files
-from catalogs.readers.faces import MAX_COORDINATE
 from catalogs.readers.gdal_files import check_vector_file
-from catalogs.readers.limits import MAX_FEATURES
+from catalogs.readers.settings import LIMITS, VECTORS
 from catalogs.readers.source_keys import NO_SOURCE_KEYS, SourceKeys
 from catalogs.readers.vectors.column_names import match_known_columns
 from catalogs.readers.vectors.columns import MIN_INEXACT_INTEGER, assumed_units, tags_from_records
@@ -44,11 +43,6 @@ if TYPE_CHECKING:
     from pyproj import CRS
     from shapely.geometry.base import BaseGeometry
 
-# Limits of decompression of GeoParquet, the larger of both.
-_MIN_UNPACK_LIMIT_BYTES = 64 * 2**20
-_MAX_UNPACK_RATIO = 50
-_ROWS_PER_BATCH = 500
-_MAX_PLACE_DEG = 2.0  # degrees; a block whose coordinates are swapped, not metres of a small site
 _HEIGHT_TAGS = frozenset(("height", "height:eaves", "building:levels"))
 _PARQUET_SUFFIXES = (".parquet", ".geoparquet")
 _GEOMETRY_TYPES = {
@@ -309,7 +303,7 @@ def _read_parquet(path: Path, with_numbers: bool) -> tuple[GeoDataFrame, dict[st
     from pyarrow import parquet
 
     file = parquet.ParquetFile(path)
-    if file.metadata.num_rows > MAX_FEATURES:
+    if file.metadata.num_rows > LIMITS.max_features:
         raise InputError(f"{path} holds {file.metadata.num_rows} rows; cut out the area that is meant")
     schema = file.schema_arrow
     geo = (schema.metadata or {}).get(b"geo")
@@ -320,14 +314,16 @@ def _read_parquet(path: Path, with_numbers: bool) -> tuple[GeoDataFrame, dict[st
         field.name for field in schema if pyarrow.types.is_integer(field.type) or pyarrow.types.is_floating(field.type)
     ]
     wanted = {*columns.values(), *(numbers if with_numbers else ()), json.loads(geo)["primary_column"]}
-    unpacked, most = 0, max(_MIN_UNPACK_LIMIT_BYTES, _MAX_UNPACK_RATIO * path.stat().st_size)
-    for batch in file.iter_batches(batch_size=_ROWS_PER_BATCH, columns=sorted(wanted.intersection(schema.names))):
+    unpacked, most = 0, max(VECTORS.min_unpack_limit_bytes, VECTORS.max_unpack_ratio * path.stat().st_size)
+    for batch in file.iter_batches(
+        batch_size=VECTORS.rows_per_batch, columns=sorted(wanted.intersection(schema.names))
+    ):
         # dictionary encoding hides the decoded size
         unpacked += sum(
             c.dictionary_decode().nbytes if hasattr(c, "dictionary_decode") else c.nbytes for c in batch.columns
         )
         if unpacked > most:
-            raise InputError(f"{path} unpacks to over {_MAX_UNPACK_RATIO} times its size; export it again")
+            raise InputError(f"{path} unpacks to over {VECTORS.max_unpack_ratio} times its size; export it again")
     frame = geopandas.read_parquet(path, columns=[name for name in schema.names if name in wanted])
     whole = [field.name for field in schema if pyarrow.types.is_integer(field.type)]
     return _restore_integers(frame, whole, lambda names: parquet.read_table(path, columns=names)), columns
@@ -350,9 +346,9 @@ def _crs_name(crs: CRS | None) -> str | None:
 def _are_degrees(geometries: ObjectArray) -> bool:
     """Return True where coordinates may be degrees, in any order: swapped ones are named later."""
     bounds = shapely.bounds(geometries)
-    bounds = bounds[(np.abs(bounds) < MAX_COORDINATE).all(axis=1)]
+    bounds = bounds[(np.abs(bounds) < LIMITS.max_coordinate).all(axis=1)]
     first, second = np.abs(bounds[:, [0, 2]]), np.abs(bounds[:, [1, 3]])
     if (first <= 360.0).all() and (second <= 90.0).all():
         return True
-    is_one_place = bool((np.ptp(bounds.reshape(-1, 2, 2), axis=(0, 1)) <= _MAX_PLACE_DEG).all())
+    is_one_place = bool((np.ptp(bounds.reshape(-1, 2, 2), axis=(0, 1)) <= VECTORS.max_place_deg).all())
     return is_one_place and bool((first <= 90.0).all() and (second <= 360.0).all())

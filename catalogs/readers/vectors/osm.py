@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 from catalogs.crs import LONLAT
 from catalogs.features import CentrelinesAndGround, Fault, Footprint, Footprints, GroundFeature, Remark
 from catalogs.reader_errors import fault_reason, is_system_error, short_message
+from catalogs.readers.settings import VECTORS
 from catalogs.readers.vectors.centrelines import build_centrelines, finite_points, is_building_passage
 from catalogs.readers.vectors.colours import parse_building_finish
 from catalogs.readers.vectors.lengths import is_unknown_code, parse_floor_count, parse_length
@@ -45,10 +46,7 @@ STREET_HIGHWAYS = frozenset(
     ]
 )
 OPEN_ROOF_VALUES = frozenset(("roof", "carport"))
-MAX_TAGGED_HEIGHT_M = 1000.0  # m; higher tags are errors
-MIN_WALL_HEIGHT_M = 2.0  # m; walls
 _TRUE_WORDS = frozenset(("yes", "true", "1", "t", "y"))
-_MAX_LIST_LENGTH = 10_000  # letters
 
 
 def read_osm_footprints(path: Path, lod: str | None = None) -> Footprints:
@@ -102,7 +100,11 @@ def parse_footprint(
         remarks.append(Remark(feature, f"{reason} set aside", geometry))
         return None
     height = parse_length(tags.get("height", ""))
-    if height is None or is_unknown_code(tags["height"]) or not MIN_WALL_HEIGHT_M <= height <= MAX_TAGGED_HEIGHT_M:
+    if (
+        height is None
+        or is_unknown_code(tags["height"])
+        or not VECTORS.min_wall_height_m <= height <= VECTORS.max_tagged_height_m
+    ):
         height = None
         if "height" in tags:
             remarks.append(Remark(f"{feature} ({tags['height']})", "heights not understood and ignored", geometry))
@@ -110,7 +112,7 @@ def parse_footprint(
     if (shape := parse_roof_shape(tags)) and not is_known_roof_shape(shape):
         remarks.append(Remark(f"{feature} ({shape[:40]})", "roof shapes not understood and ignored", geometry))
     rise = parse_roof_height(tags) if roof is None else None
-    has_eaves = MIN_WALL_HEIGHT_M <= (eaves := _length_tag(tags, "height:eaves")) <= MAX_TAGGED_HEIGHT_M
+    has_eaves = VECTORS.min_wall_height_m <= (eaves := _length_tag(tags, "height:eaves")) <= VECTORS.max_tagged_height_m
     if has_eaves:
         if roof is None and height is not None and height > eaves:
             rise = round(height - eaves, 2)
@@ -166,11 +168,11 @@ def _wall_height(height: float, roof: Roof | None, tags: Mapping[str, str]) -> t
     """
     tagged = parse_roof_height(tags)
     rise = roof.height if roof else tagged or 0.0
-    if height - rise >= MIN_WALL_HEIGHT_M:
+    if height - rise >= VECTORS.min_wall_height_m:
         return height - rise, roof
-    left = height - MIN_WALL_HEIGHT_M
+    left = height - VECTORS.min_wall_height_m
     if roof and tagged is None and left > 0.5:
-        return MIN_WALL_HEIGHT_M, replace(roof, height=round(left, 2))
+        return VECTORS.min_wall_height_m, replace(roof, height=round(left, 2))
     return height, Roof("flat", 0.0)
 
 
@@ -234,7 +236,7 @@ def split_osmnx_values(text: str) -> list[str]:
 
     A plain attribute is its only value.
     """
-    if text.startswith("[") and len(text) < _MAX_LIST_LENGTH:
+    if text.startswith("[") and len(text) < VECTORS.max_list_length:
         try:
             return [str(value) for value in ast.literal_eval(text)] or [""]
         except (ValueError, SyntaxError, TypeError, MemoryError, RecursionError):  # MemoryError: too deeply nested

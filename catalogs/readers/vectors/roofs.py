@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
+from catalogs.readers.settings import VECTORS
 from catalogs.readers.vectors.lengths import parse_floor_count, parse_length
 from facade_core.core.types import Roof
 
@@ -50,18 +51,12 @@ _SHAPES = frozenset(
 _SHAPELESS_VALUES = frozenset(("", "yes", "no", "many", "unknown", "none", "other"))
 _COMPASS_POINTS = ("N", "NNE", "NE", "ENE", "E", "ESE", "SE", "SSE", "S", "SSW", "SW", "WSW", "W", "WNW", "NW", "NNW")
 
-ROOF_FLOOR_HEIGHT_M = 2.5  # m; floor under a roof, as in most renderers of OpenStreetMap
-_DEFAULT_PITCH_DEG = 30.0  # degrees; without a tagged height
-_SKILLION_PITCH_DEG = 10.0  # degrees
-_MAX_DEFAULT_HEIGHT_M = 5.0  # m; roofs of wide buildings are flatter
-_MAX_HEIGHT_M = 100.0  # m; larger tags are errors
-
 
 def parse_roof(tags: Mapping[str, str], outline: BaseGeometry, *, is_lonlat: bool) -> Roof | None:
     """Return the roof of the tags; None without a shape.
 
-    The height is roof:height, else roof:levels x ROOF_FLOOR_HEIGHT_M, else from roof:angle and the width of the outline, else
-    from a default pitch. Directions are clockwise from north, as tagged.
+    The height is roof:height, else roof:levels x VECTORS.roof_floor_height_m, else from roof:angle and the width of the
+    outline, else from a default pitch. Directions are clockwise from north, as tagged.
 
     Parameters
     ----------
@@ -99,10 +94,10 @@ def is_known_roof_shape(shape: str) -> bool:
 def parse_roof_height(tags: Mapping[str, str]) -> float | None:
     """Return the tagged metres from the eaves to the ridge; None without a tag."""
     height = parse_length(tags.get("roof:height", ""))
-    if height is not None and 0 < height <= _MAX_HEIGHT_M:
+    if height is not None and 0 < height <= VECTORS.max_roof_height_m:
         return height
     levels = parse_floor_count(tags.get("roof:levels", ""))
-    return None if levels is None or levels > 10 else levels * ROOF_FLOOR_HEIGHT_M
+    return None if levels is None or levels > 10 else levels * VECTORS.roof_floor_height_m
 
 
 def estimate_roof_height(
@@ -130,10 +125,13 @@ def estimate_roof_height(
     span = float(sides.max() if is_across else sides.min())
     run = span if shape == "skillion" else span / 2
     if pitch_deg is not None:
-        return min(run * math.tan(math.radians(pitch_deg)), _MAX_HEIGHT_M)
+        return min(run * math.tan(math.radians(pitch_deg)), VECTORS.max_roof_height_m)
     return min(
-        run * math.tan(math.radians(_SKILLION_PITCH_DEG if shape == "skillion" else _DEFAULT_PITCH_DEG)),
-        _MAX_DEFAULT_HEIGHT_M,
+        run
+        * math.tan(
+            math.radians(VECTORS.default_skillion_pitch_deg if shape == "skillion" else VECTORS.default_roof_pitch_deg)
+        ),
+        VECTORS.max_default_roof_height_m,
     )
 
 

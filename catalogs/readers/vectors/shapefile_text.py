@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from catalogs.readers.settings import VECTORS
 from catalogs.readers.vectors.shapefile_tables import sibling_file
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import open_regular, read_regular
@@ -58,7 +59,6 @@ _LANGUAGE_DRIVERS = {
     }.items()
     for code in codes
 }
-_MAX_CODE_PAGE_BYTES = 4096
 _HEADER_BYTES = 32  # of a table before its fields
 _FIELD_BYTES = 32
 _MAX_NAME_BYTES = 10
@@ -161,7 +161,9 @@ def choose_decoder(path: Path, cells: Sequence[RawCell], given: str | None) -> T
     page_file = sibling_file(path, ".cpg")
     is_utf8 = _is_decodable(TextDecoder(UTF8), cells)
     if page_file.is_file():
-        stated = read_regular(page_file, _MAX_CODE_PAGE_BYTES).decode("ascii", "replace").strip("\ufffd\0 \r\n\t")
+        stated = (
+            read_regular(page_file, VECTORS.max_code_page_bytes).decode("ascii", "replace").strip("\ufffd\0 \r\n\t")
+        )
         return _decoder_of_page_file(path, page_file, stated, cells, is_utf8=is_utf8)
     with open_regular(sibling_file(path, ".dbf")) as file:
         driver = file.read(_LANGUAGE_BYTE + 1)[-1]

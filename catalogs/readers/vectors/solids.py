@@ -13,6 +13,7 @@ import shapely
 
 from catalogs.crs import EARTH_RADIUS_M
 from catalogs.readers.faces import PlanarFace, newell_normal, triangulate_faces
+from catalogs.readers.settings import VECTORS
 from facade_core.core.arrays import Float64Array
 
 if TYPE_CHECKING:
@@ -21,20 +22,15 @@ if TYPE_CHECKING:
 
     from facade_core.core.types import BuildingShell
 
-MIN_SOLID_HEIGHT_M = 1.0  # m; lower geometries are outlines
-MIN_WALLS = 3  # upright faces of a solid
-_MAX_WALL_SLOPE = 0.1  # plan area of a wall by its area
-_MIN_FACE_AREA_M2 = 1e-4  # m2
 # Types of surfaces of ISO 13249-3 that GEOS does not read, and the equivalent type.
 _EQUIVALENT_TYPES = {15: 6, 16: 6, 17: 3}
 _NESTED_TYPES = frozenset((4, 5, 6, 7))
-_MAX_NESTING_DEPTH = 8
 
 
 def build_solid(geometry: BaseGeometry, *, is_lonlat: bool) -> BuildingShell | None:
     """Return the shell of a geometry whose faces enclose a building; None for an outline.
 
-    A solid has MIN_WALLS upright faces over MIN_SOLID_HEIGHT_M. The faces are turned outwards.
+    A solid has VECTORS.min_solid_walls upright faces over VECTORS.min_solid_height_m. The faces are turned outwards.
 
     Parameters
     ----------
@@ -45,27 +41,31 @@ def build_solid(geometry: BaseGeometry, *, is_lonlat: bool) -> BuildingShell | N
         return None
     polygons = list(_iterate_polygons(geometry))
     heights = shapely.get_coordinates(geometry, include_z=True)[:, 2]
-    if len(polygons) <= MIN_WALLS or not np.isfinite(heights).all() or np.ptp(heights) < MIN_SOLID_HEIGHT_M:
+    if (
+        len(polygons) <= VECTORS.min_solid_walls
+        or not np.isfinite(heights).all()
+        or np.ptp(heights) < VECTORS.min_solid_height_m
+    ):
         return None
     scale = _metres_per_unit(geometry) if is_lonlat else (1.0, 1.0)
     rings = [[_ring_vertices(ring) for ring in (part.exterior, *part.interiors)] for part in polygons]
     normals = np.array([newell_normal(group[0] * (*scale, 1.0)) for group in rings])
     areas = np.linalg.norm(normals, axis=1)
-    walls = (areas > _MIN_FACE_AREA_M2) & (np.abs(normals[:, 2]) <= _MAX_WALL_SLOPE * areas)
-    if np.count_nonzero(walls) < MIN_WALLS:
+    walls = (areas > VECTORS.min_face_area_m2) & (np.abs(normals[:, 2]) <= VECTORS.max_solid_wall_slope * areas)
+    if np.count_nonzero(walls) < VECTORS.min_solid_walls:
         return None
     shell = triangulate_faces([PlanarFace(group) for group in rings], scale)
     return None if shell is None else _turn_outwards(shell)
 
 
 def is_open_walls(geometry: BaseGeometry) -> bool:
-    """Return True for upright faces over MIN_SOLID_HEIGHT_M without floor and roof, which cover no ground."""
+    """Return True for upright faces over VECTORS.min_solid_height_m without floor and roof, which cover no ground."""
     if not shapely.has_z(geometry):
         return False
     heights = shapely.get_coordinates(geometry, include_z=True)[:, 2]
     faces = [newell_normal(_ring_vertices(part.exterior)) for part in _iterate_polygons(geometry)]
-    is_upright = [abs(normal[2]) <= _MAX_WALL_SLOPE * np.linalg.norm(normal) for normal in faces]
-    return bool(faces) and all(is_upright) and bool(np.ptp(heights) >= MIN_SOLID_HEIGHT_M)
+    is_upright = [abs(normal[2]) <= VECTORS.max_solid_wall_slope * np.linalg.norm(normal) for normal in faces]
+    return bool(faces) and all(is_upright) and bool(np.ptp(heights) >= VECTORS.min_solid_height_m)
 
 
 def convert_surface_wkb(content: bytes) -> bytes | None:
@@ -80,7 +80,7 @@ def convert_surface_wkb(content: bytes) -> bytes | None:
 
 def _convert_geometry(data: bytearray, start: int, depth: int) -> int:
     """Replace the types of a geometry and its parts in place; returns the offset behind it."""
-    if depth > _MAX_NESTING_DEPTH or start >= len(data):
+    if depth > VECTORS.max_nesting_depth or start >= len(data):
         raise ValueError(start)
     order = "<" if data[start] else ">"
     code, count = struct.unpack_from(f"{order}II", data, start + 1)

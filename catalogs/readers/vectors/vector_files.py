@@ -17,7 +17,7 @@ from pyproj import CRS
 from catalogs.crs import LONLAT, coordinate_transform
 from catalogs.features import CentrelinesAndGround, Fault, Footprints, GroundFeature, Remark
 from catalogs.reader_errors import fault_reason
-from catalogs.readers.faces import MAX_COORDINATE
+from catalogs.readers.settings import LIMITS
 from catalogs.readers.source_keys import NO_SOURCE_KEYS, SourceKeys
 from catalogs.readers.vectors.centrelines import build_centrelines, finite_points
 from catalogs.readers.vectors.column_names import CLASS_COLUMNS
@@ -90,7 +90,7 @@ def read_vector_footprints(path: Path, lod: str | None = None, keys: SourceKeys 
         if tags.get("building") == "no" or (from_osm and "building" not in tags and not is_building_part(tags)):
             remarks.append(Remark(id, "outlines that are not tagged as buildings set aside", geometry))
             continue
-        if not (np.abs(shapely.get_coordinates(geometry)) < MAX_COORDINATE).all():
+        if not (np.abs(shapely.get_coordinates(geometry)) < LIMITS.max_coordinate).all():
             reason = (
                 f"footprint {id} has a coordinate that is no finite number, or absurdly far away; mend or remove it"
             )

@@ -9,26 +9,11 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float64Array, FloatArray, UInt8Array
 from facade_core.core.types import Box, Pose
-from facade_core.imagery.detect.faces import MAX_ENLARGED_PIXELS, find_faces
+from facade_core.imagery.detect.faces import find_faces
 from facade_core.imagery.detect.models import models_digest
 from facade_core.imagery.detect.plates import has_plate_shape, is_plate
+from facade_core.imagery.detect.settings import DETECTION
 from facade_core.imagery.detect.text import TextLine, find_text_lines, merge_line_detections
-
-# Hidden boxes extend detected ones by this share of the longer side: hair, chin and a plate's frame.
-HIDDEN_RIM_SHARE = 0.4
-# Pixels that a panorama strip is continued beyond its right border; no face or plate is wider.
-SEAM_OVERLAP_PX = 256
-# Number plates are below this share of a picture's height.
-PLATES_TOP_SHARE = 0.5
-# Top of the searched part of a full panorama, as a share of its height: 27 degrees above the horizon.
-SEARCH_TOP_SHARE = 0.35
-# Horizon of a full panorama; plates are below it.
-HORIZON_SHARE = 0.5
-# Bottom of the searched part: 63 degrees below the horizon.
-SEARCH_BOTTOM_SHARE = 0.85
-# Enlargement of the lower part of pictures of ordinary size. Of 24 plates marked by eye, scale 2 found four and
-# scale 3 eight; few of the rest are legible.
-LOWER_PART_SCALE = 3.0
 
 
 def _no_boxes() -> Float64Array:
@@ -70,7 +55,7 @@ class FacesPlatesAndText:
         """Return the boxes to hide in a picture (H, W), in whole pixels, faces first."""
         boxes = []
         for x0, y0, x1, y1 in np.concatenate([self.faces, self.plates]).tolist():
-            rim = HIDDEN_RIM_SHARE * max(x1 - x0, y1 - y0)
+            rim = DETECTION.hidden_rim_share * max(x1 - x0, y1 - y0)
             left, top = max(0, int(x0 - rim)), max(0, int(y0 - rim))
             right, bottom = min(shape[1], int(x1 + rim) + 1), min(shape[0], int(y1 + rim) + 1)
             boxes.append((left, top, right, bottom))
@@ -89,7 +74,7 @@ def detectors_available() -> bool:
     return bool(models_digest())
 
 
-def detect_faces_plates_text(image: UInt8Array, plates_top: float = PLATES_TOP_SHARE) -> FacesPlatesAndText:
+def detect_faces_plates_text(image: UInt8Array, plates_top: float = DETECTION.plates_top_share) -> FacesPlatesAndText:
     """Detect faces, plates and text on an image; nothing without the models.
 
     Parameters
@@ -103,7 +88,7 @@ def detect_faces_plates_text(image: UInt8Array, plates_top: float = PLATES_TOP_S
     return FacesPlatesAndText(find_faces(image)[0], plates, lines)
 
 
-def detect_on_panorama_strip(image: UInt8Array, plates_top: float = PLATES_TOP_SHARE) -> FacesPlatesAndText:
+def detect_on_panorama_strip(image: UInt8Array, plates_top: float = DETECTION.plates_top_share) -> FacesPlatesAndText:
     """Detect faces, plates and text on a full-turn panorama strip, whose left and right borders meet.
 
     Objects across the border are detected whole, and returned at both sides.
@@ -114,7 +99,9 @@ def detect_on_panorama_strip(image: UInt8Array, plates_top: float = PLATES_TOP_S
     plates_top : share of the height below which plates are accepted.
     """
     width = image.shape[1]
-    detections = detect_faces_plates_text(np.concatenate([image, image[:, :SEAM_OVERLAP_PX]], axis=1), plates_top)
+    detections = detect_faces_plates_text(
+        np.concatenate([image, image[:, : DETECTION.seam_overlap_px]], axis=1), plates_top
+    )
     lines = [line for line in detections.lines if line.box[0] < width]
     return FacesPlatesAndText(_wrap_boxes(detections.faces, width), _wrap_boxes(detections.plates, width), lines)
 
@@ -132,7 +119,7 @@ def detect_on_panorama(image: UInt8Array, pose: Pose) -> FacesPlatesAndText:
     _, top, wide, share = pose.view
     first, middle, last = (
         min(len(image), max(0, round((row - top) / share * len(image))))
-        for row in (SEARCH_TOP_SHARE, HORIZON_SHARE, SEARCH_BOTTOM_SHARE)
+        for row in (DETECTION.search_top_share, DETECTION.horizon_share, DETECTION.search_bottom_share)
     )
     if last == first:
         return FacesPlatesAndText()
@@ -148,7 +135,7 @@ def _wrap_boxes(boxes: FloatArray, width: int) -> Float64Array:
 
 
 def find_plates_and_text(
-    image: UInt8Array, plates_top: float = PLATES_TOP_SHARE
+    image: UInt8Array, plates_top: float = DETECTION.plates_top_share
 ) -> tuple[Float64Array, list[TextLine]]:
     """Find number plates and all lines of text.
 
@@ -165,11 +152,11 @@ def find_plates_and_text(
     """
     lines, first_row = find_text_lines(image), round(plates_top * len(image))
     enlarged_lines: list[TextLine] = []
-    if image.size <= 3 * MAX_ENLARGED_PIXELS and first_row < len(image):
+    if image.size <= 3 * DETECTION.max_enlarged_pixels and first_row < len(image):
         offset = np.array([0, first_row])
         enlarged_lines = [
             replace(line, corners=line.corners + offset)
-            for line in find_text_lines(image[first_row:], LOWER_PART_SCALE)
+            for line in find_text_lines(image[first_row:], DETECTION.lower_part_scale)
         ]
     # both boxes of a plate that is found twice are hidden
     plates = [line.box for line in (*lines, *enlarged_lines) if is_plate(line, first_row)]

@@ -5,29 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from facade_core.core.arrays import Float32Array, UInt8Array
-from facade_core.imagery.detect.detection import (
-    LOWER_PART_SCALE,
-    FacesPlatesAndText,
-    detectors_available,
-    find_plate_boxes,
-)
-from facade_core.imagery.detect.faces import FACE_ENLARGEMENT, find_faces_at_scale
-
-# Heights above the lower border that heads and plates of what stands on the street do not reach, metres. A person is
-# 2 m and a plate 1.2 m high; storeys, and so metres, may be half as large again as assumed, and a lorry's driver sits high.
-MAX_HEAD_M = 5.0
-MAX_PLATE_M = 3.0
-# Densities at which the smallest faces (0.2 m) and plates (0.11 m), those at the wall, are 16 pixels high.
-FACE_PIXELS_PER_METRE = 80.0
-PLATE_PIXELS_PER_METRE = 145.0
-# Faces above the street, on posters and behind windows, are at the wall. Below 8 pixels none can be recognised.
-MIN_DENSITY_OF_FACES = 40.0
-# Larger parts are searched at a scale of at least this.
-MIN_SCALE = 0.25
-# Factor of a second search for faces: those on posters and in profile are missed at one scale. Parts that then have more
-# pixels are searched once: a megapixel takes a second of one core.
-SECOND_SCALE = 2.0
-MAX_SECOND_PIXELS = 2_500_000
+from facade_core.imagery.detect.detection import FacesPlatesAndText, detectors_available, find_plate_boxes
+from facade_core.imagery.detect.faces import find_faces_at_scale
+from facade_core.imagery.detect.settings import DETECTION
 
 
 def detect_on_facade(image: UInt8Array, metres_per_pixel: float) -> FacesPlatesAndText:
@@ -41,20 +21,22 @@ def detect_on_facade(image: UInt8Array, metres_per_pixel: float) -> FacesPlatesA
     if not detectors_available():
         return FacesPlatesAndText()
     density, height = 1 / metres_per_pixel, len(image)
-    heads, plates = (max(0, height - round(metres * density)) for metres in (MAX_HEAD_M, MAX_PLATE_M))
-    scale = max(MIN_SCALE, FACE_PIXELS_PER_METRE / density)
-    faces = [_find_faces_twice(image[heads:], min(FACE_ENLARGEMENT, scale)) + np.array([0, heads, 0, heads])]
-    if heads and density >= MIN_DENSITY_OF_FACES:
+    heads, plates = (
+        max(0, height - round(metres * density)) for metres in (DETECTION.max_head_m, DETECTION.max_plate_m)
+    )
+    scale = max(DETECTION.min_scale, DETECTION.face_pixels_per_metre / density)
+    faces = [_find_faces_twice(image[heads:], min(DETECTION.face_enlargement, scale)) + np.array([0, heads, 0, heads])]
+    if heads and density >= DETECTION.min_density_of_faces:
         faces.append(_find_faces_twice(image[:heads], min(1.0, scale)))
-    scale = float(np.clip(PLATE_PIXELS_PER_METRE / density, 1.0, LOWER_PART_SCALE))
+    scale = float(np.clip(DETECTION.plate_pixels_per_metre / density, 1.0, DETECTION.lower_part_scale))
     found = find_plate_boxes(image[plates:], scale)
     return FacesPlatesAndText(np.concatenate(faces), found + np.array([0, plates, 0, plates]))
 
 
 def _find_faces_twice(image: UInt8Array, scale: float) -> Float32Array:
-    """Find the faces at a scale, and at SECOND_SCALE times it where the part is small enough; boxes (n, 4)."""
-    found, second = [find_faces_at_scale(image, scale)], SECOND_SCALE * scale
-    if image.shape[0] * image.shape[1] * second**2 <= MAX_SECOND_PIXELS:
+    """Find the faces at a scale, and at DETECTION.second_scale times it where the part is small enough; boxes (n, 4)."""
+    found, second = [find_faces_at_scale(image, scale)], DETECTION.second_scale * scale
+    if image.shape[0] * image.shape[1] * second**2 <= DETECTION.max_second_pixels:
         found.append(find_faces_at_scale(image, second))
     return np.concatenate(found)
 
@@ -68,4 +50,4 @@ def detect_on_thumbnail(image: UInt8Array) -> FacesPlatesAndText:
         return FacesPlatesAndText()
     middle = len(image) // 2
     plates = find_plate_boxes(image[middle:], 1.0) + np.array([0, middle, 0, middle])
-    return FacesPlatesAndText(find_faces_at_scale(image, FACE_ENLARGEMENT), plates)
+    return FacesPlatesAndText(find_faces_at_scale(image, DETECTION.face_enlargement), plates)

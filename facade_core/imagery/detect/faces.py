@@ -7,19 +7,8 @@ import numpy as np
 from facade_core.core.arrays import Float32Array, UInt8Array
 from facade_core.imagery.detect.image_tiles import split_tiles
 from facade_core.imagery.detect.models import FACE_MODEL, model_session
+from facade_core.imagery.detect.settings import DETECTION
 
-# Score from which a face counts.
-MIN_FACE_SCORE = 0.3
-# Of two faces that overlap by more than this IoU, only the better one stays.
-MAX_FACE_IOU = 0.3
-# Side in pixels of the network's tiles.
-FACE_TILE_SIDE = 640
-# Overlap of tiles in pixels.
-FACE_TILE_OVERLAP = 96
-# Second scale, for smaller pictures: at scale 1 the network misses the smallest faces.
-FACE_ENLARGEMENT = 2.0
-# Pictures with more pixels are not enlarged.
-MAX_ENLARGED_PIXELS = 4_000_000
 # The network takes sides that are multiples of this.
 _SIDE_MULTIPLE = 32
 # Pixels per cell of its output map.
@@ -37,20 +26,20 @@ def find_faces(image: UInt8Array) -> tuple[Float32Array, Float32Array]:
     -------
     Boxes (n, 4) x0, y0, x1, y1 in pixels and scores (n,), best first.
     """
-    scales = (1.0, FACE_ENLARGEMENT) if image.size <= 3 * MAX_ENLARGED_PIXELS else (1.0,)
+    scales = (1.0, DETECTION.face_enlargement) if image.size <= 3 * DETECTION.max_enlarged_pixels else (1.0,)
     found = [_faces_at_scale(image, scale) for scale in scales]
     boxes, scores = (np.concatenate(parts) for parts in zip(*found, strict=True))
-    return non_maximum_suppression(boxes, scores, MAX_FACE_IOU)
+    return non_maximum_suppression(boxes, scores, DETECTION.max_face_iou)
 
 
 def find_faces_at_scale(image: UInt8Array, scale: float) -> Float32Array:
     """Find the faces in an image (H, W, 3), enlarged or reduced by `scale`; boxes (n, 4), best first."""
-    return non_maximum_suppression(*_faces_at_scale(image, scale), MAX_FACE_IOU)[0]
+    return non_maximum_suppression(*_faces_at_scale(image, scale), DETECTION.max_face_iou)[0]
 
 
 def _faces_at_scale(image: UInt8Array, scale: float) -> tuple[Float32Array, Float32Array]:
     boxes, scores = [np.zeros((0, 4), np.float32)], [np.zeros(0, np.float32)]
-    for part, x, y in split_tiles(image, round(FACE_TILE_SIDE / scale), FACE_TILE_OVERLAP):
+    for part, x, y in split_tiles(image, round(DETECTION.face_tile_side / scale), DETECTION.face_tile_overlap):
         tile_boxes, tile_scores = _faces_in_tile(part, scale)
         boxes.append(tile_boxes + np.array([x, y, x, y], np.float32))
         scores.append(tile_scores)
@@ -69,7 +58,7 @@ def _faces_in_tile(image: UInt8Array, scale: float) -> tuple[Float32Array, Float
     feed = np.ascontiguousarray(image.transpose(2, 0, 1)[None], np.float32)
     net = model_session(FACE_MODEL)
     centres, sizes, offsets, _ = net.run(None, {net.get_inputs()[0].name: feed})
-    row, column = np.nonzero(centres[0, 0] > MIN_FACE_SCORE)
+    row, column = np.nonzero(centres[0, 0] > DETECTION.min_face_score)
     middle = np.stack([column, row]) + offsets[0, ::-1, row, column].T + 0.5
     half = np.exp(sizes[0, ::-1, row, column].T) / 2
     boxes = np.concatenate([middle - half, middle + half]).T * (_CELL_PIXELS / scale)

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from facade_core.core.arrays import Float64Array
+from facade_core.imagery.detect.settings import DETECTION
 from facade_core.imagery.detect.text import TextLine, measure_line
 
-# Length over height of a plate, also seen obliquely or in two lines; European plates with their frames: 4.7.
-ASPECT_RANGE = (1.2, 8.0)
-# Recognised letters and digits on a plate.
-CHARACTER_COUNT_RANGE = (4, 10)
 # Letters that the recognition confuses with digits.
 _LIKE_DIGITS = frozenset("OQDIBSZG")
 
@@ -16,7 +13,7 @@ _LIKE_DIGITS = frozenset("OQDIBSZG")
 def has_plate_shape(corners: Float64Array) -> bool:
     """Return True if a line of text with these corners (4, 2) is as long and high as a plate's."""
     length, height = measure_line(corners)
-    return ASPECT_RANGE[0] <= length / max(height, 1e-9) <= ASPECT_RANGE[1]
+    return DETECTION.aspect_range[0] <= length / max(height, 1e-9) <= DETECTION.aspect_range[1]
 
 
 def is_plate(line: TextLine, horizon: float) -> bool:
@@ -25,7 +22,7 @@ def is_plate(line: TextLine, horizon: float) -> bool:
         return False
     characters = [letter for letter in line.text if letter.isalnum()]
     if (
-        not CHARACTER_COUNT_RANGE[0] <= len(characters) <= CHARACTER_COUNT_RANGE[1]
+        not DETECTION.character_count_range[0] <= len(characters) <= DETECTION.character_count_range[1]
         or sum(letter.islower() for letter in characters) >= len(characters) / 2
     ):
         return False

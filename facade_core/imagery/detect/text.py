@@ -12,36 +12,8 @@ import numpy as np
 from facade_core.core.arrays import Float32Array, Float64Array, NumericArray, UInt8Array
 from facade_core.imagery.detect.image_tiles import split_tiles
 from facade_core.imagery.detect.models import LETTER_MODEL, LINE_MODEL, model_session
+from facade_core.imagery.detect.settings import DETECTION
 
-# Side in pixels of the network's tiles.
-TEXT_TILE_SIDE = 960
-# Overlap of tiles in pixels.
-TEXT_TILE_OVERLAP = 160
-# Smaller sides of a picture are enlarged to this many pixels,
-MIN_INPUT_SIDE = 736
-# by at most this factor.
-MAX_ENLARGEMENT = 2.0
-# Probability from which a pixel is text.
-MIN_PIXEL_PROBABILITY = 0.3
-# Mean probability from which a box is a line.
-MIN_LINE_PROBABILITY = 0.5
-# Thinner lines, in pixels, are specks.
-MIN_LINE_PIXELS = 3
-# The network detects the core of a line; the box grows by this times its area over its circumference.
-UNCLIP_RATIO = 1.6
-# Pictures with a darker median are brightened: signs in the shade are missed otherwise. Chosen on ten photos of
-# benchmarks/shop_signs.json.
-_DARK_LEVEL = 64
-# Exponent of that brightening.
-_BRIGHTEN_GAMMA = 0.5
-# Of two lines that share more than this share of the smaller box, the larger one stays.
-MAX_LINE_OVERLAP = 0.5
-# Height in pixels at which a line is recognised,
-_READ_HEIGHT = 48
-# and its smallest width.
-_MIN_READ_WIDTH = 320
-# Lines that are higher than wide by this factor are upright.
-_UPRIGHT_ASPECT = 1.5
 # The network takes sides that are multiples of this.
 _SIDE_MULTIPLE = 32
 
@@ -90,7 +62,9 @@ def find_text_lines(
     is_wanted : whether a line with these corners (4, 2) is to be recognised; the others are left out.
     """
     corners_found: list[Float64Array] = []
-    for part, x, y in split_tiles(image, round(TEXT_TILE_SIDE / scale), round(TEXT_TILE_OVERLAP / scale)):
+    for part, x, y in split_tiles(
+        image, round(DETECTION.text_tile_side / scale), round(DETECTION.text_tile_overlap / scale)
+    ):
         corners_found += [corners + np.array([x, y]) for corners in _lines_in_tile(_brighten(part), scale)]
     return [
         TextLine(corners_found[index], *_read_line(image, corners_found[index]))
@@ -107,9 +81,9 @@ def merge_line_detections(lines: Sequence[TextLine], enlarged_lines: Sequence[Te
 
 def _brighten(image: UInt8Array) -> UInt8Array:
     """Brighten an image (h, w, 3) uint8 if it is dark."""
-    if np.median(image) >= _DARK_LEVEL:
+    if np.median(image) >= DETECTION.dark_level:
         return image
-    return np.rint(255 * (np.arange(256) / 255) ** _BRIGHTEN_GAMMA).astype(np.uint8)[image]
+    return np.rint(255 * (np.arange(256) / 255) ** DETECTION.brighten_gamma).astype(np.uint8)[image]
 
 
 def _lines_in_tile(image: UInt8Array, scale: float) -> Iterator[Float64Array]:
@@ -117,21 +91,21 @@ def _lines_in_tile(image: UInt8Array, scale: float) -> Iterator[Float64Array]:
     import cv2
 
     height, width = image.shape[:2]
-    scale = max(scale, min(MAX_ENLARGEMENT, MIN_INPUT_SIDE / min(height, width)))
+    scale = max(scale, min(DETECTION.max_enlargement, DETECTION.min_input_side / min(height, width)))
     size = tuple(max(_SIDE_MULTIPLE, round(side * scale / _SIDE_MULTIPLE) * _SIDE_MULTIPLE) for side in (width, height))
     pixels = cv2.resize(image, size)[..., ::-1] / 255.0
     feed = ((pixels - 0.5) / 0.5).transpose(2, 0, 1)[None].astype(np.float32)
     net = model_session(LINE_MODEL)
     probability = net.run(None, {net.get_inputs()[0].name: feed})[0][0, 0]
-    core = cv2.dilate((probability > MIN_PIXEL_PROBABILITY).astype(np.uint8), np.ones((2, 2), np.uint8))
+    core = cv2.dilate((probability > DETECTION.min_pixel_probability).astype(np.uint8), np.ones((2, 2), np.uint8))
     for outline in cv2.findContours(core, cv2.RETR_LIST, cv2.CHAIN_APPROX_SIMPLE)[0]:
         middle, sides, angle = cv2.minAreaRect(outline)
         if (
-            min(sides) < MIN_LINE_PIXELS
-            or _mean_within(probability, cv2.boxPoints((middle, sides, angle))) < MIN_LINE_PROBABILITY
+            min(sides) < DETECTION.min_line_pixels
+            or _mean_within(probability, cv2.boxPoints((middle, sides, angle))) < DETECTION.min_line_probability
         ):
             continue
-        growth = UNCLIP_RATIO * math.prod(sides) / sum(sides)
+        growth = DETECTION.unclip_ratio * math.prod(sides) / sum(sides)
         corners = cv2.boxPoints((middle, (sides[0] + growth, sides[1] + growth), angle))
         corners = corners * (np.array([width, height]) / size)
         yield _from_upper_left(np.clip(corners, 0, [width, height]))
@@ -164,7 +138,7 @@ def _deduplicate(corners_found: Sequence[Float64Array]) -> list[int]:
         low = np.array([np.maximum(boxes[index][:2], boxes[other][:2]) for other in kept]).reshape(-1, 2)
         high = np.array([np.minimum(boxes[index][2:], boxes[other][2:]) for other in kept]).reshape(-1, 2)
         smaller = np.minimum(areas[index], [areas[other] for other in kept])
-        if not (np.prod(np.maximum(high - low, 0), axis=1) > MAX_LINE_OVERLAP * smaller).any():
+        if not (np.prod(np.maximum(high - low, 0), axis=1) > DETECTION.max_line_overlap * smaller).any():
             kept.append(index)
     return sorted(kept, key=lambda i: (boxes[i][1], boxes[i][0]))
 
@@ -182,11 +156,11 @@ def _read_line(image: UInt8Array, corners: Float64Array) -> tuple[str, float]:
     line = cv2.warpPerspective(
         image, perspective, (width, height), flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
     )
-    if height >= _UPRIGHT_ASPECT * width:
+    if height >= DETECTION.upright_aspect * width:
         line = np.ascontiguousarray(np.rot90(line))
-    wide = max(1, math.ceil(_READ_HEIGHT * line.shape[1] / line.shape[0]))
-    line = _brighten(np.asarray(cv2.resize(line, (wide, _READ_HEIGHT)), np.uint8))
-    feed = np.zeros((1, 3, _READ_HEIGHT, max(_MIN_READ_WIDTH, wide)), np.float32)
+    wide = max(1, math.ceil(DETECTION.read_height * line.shape[1] / line.shape[0]))
+    line = _brighten(np.asarray(cv2.resize(line, (wide, DETECTION.read_height)), np.uint8))
+    feed = np.zeros((1, 3, DETECTION.read_height, max(DETECTION.min_read_width, wide)), np.float32)
     feed[0, :, :, :wide] = (line[..., ::-1] / 127.5 - 1).transpose(2, 0, 1)
     net = model_session(LETTER_MODEL)
     probabilities = net.run(None, {net.get_inputs()[0].name: feed})[0][0]

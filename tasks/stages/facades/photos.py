@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from catalogs.readers.pictures.decoding import MIN_SIDE_PX
+from catalogs.readers.settings import PICTURES
 from facade_core.core.arrays import BoolArray, Float64Array, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.resizing import resize_image
@@ -153,7 +153,7 @@ def crop_facade_photo(
     """
     notes = []
     if rectified:
-        picture = read_bounded_picture(path, least=MIN_SIDE_PX)
+        picture = read_bounded_picture(path, least=PICTURES.min_side_px)
         image, hidden = picture.rgb, picture.hidden | no_data_mask(picture.rgb)
         homography = np.eye(3)
         shape = hidden.shape
@@ -214,7 +214,7 @@ def rectify_photo(path: Path, parser: Path | None = None) -> tuple[Rectified, tu
     ------
     ImageError : it was taken at night or cannot be rectified; the message has its name.
     """
-    picture = read_bounded_picture(path, least=MIN_SIDE_PX)
+    picture = read_bounded_picture(path, least=PICTURES.min_side_px)
     alpha = np.where(picture.hidden, 0, 255).astype(np.uint8)
     focal = read_focal_length_px(path)
     try:

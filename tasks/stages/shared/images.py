@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from catalogs.readers.pictures.capture_dates import exif_capture_date
-from catalogs.readers.pictures.decoding import MIN_SIDE_PX, Picture, open_picture, read_picture
+from catalogs.readers.pictures.decoding import Picture, open_picture, read_picture
 from catalogs.readers.pictures.folders import label_map_path
+from catalogs.readers.settings import PICTURES
 from facade_core.core.arrays import BoolArray, IntArray, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import CLASSES, UNKNOWN
@@ -116,7 +117,7 @@ def read_bounded_picture(path: Path, *, least: int = 1) -> Picture:
 
 def read_exemplar_picture(path: Path) -> Picture:
     """Read an exemplar, reduced to MAX_EXEMPLAR_SIDE."""
-    return read_picture(path, max_side=MAX_EXEMPLAR_SIDE, min_side=MIN_SIDE_PX)
+    return read_picture(path, max_side=MAX_EXEMPLAR_SIDE, min_side=PICTURES.min_side_px)
 
 
 def read_labels(path: Path, shape: tuple[int, int]) -> UInt8Array | None:

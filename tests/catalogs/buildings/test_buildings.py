@@ -8,8 +8,8 @@ from pyproj import CRS
 from shapely import MultiPolygon, Polygon, box
 
 from catalogs.buildings.assembly import assemble_buildings
-from catalogs.buildings.heights import FALLBACK_HEIGHT_M
 from catalogs.buildings.models import shell_outline
+from catalogs.buildings.settings import HEIGHTS
 from catalogs.features import BuildingModel, BuildingModels, Fault, Footprint, Footprints
 from catalogs.readers.faces import PlanarFace, triangulate_faces
 
@@ -59,7 +59,7 @@ def test_heights_are_stated_from_levels_or_assumed() -> None:
     assert told[2][1] == "default"
     assert told[2][0] in (3.0, 6.0, 9.0, 12.0, 15.0)
     alone = assemble_buildings([Footprints("EPSG:28992", source.items[2:])], RD, area=None, floor_height=3.0)
-    assert abs(alone.items[0].height - FALLBACK_HEIGHT_M) <= 3.0
+    assert abs(alone.items[0].height - HEIGHTS.fallback_height_m) <= 3.0
 
 
 def test_broken_outlines_are_set_aside_by_name_and_the_rest_is_kept() -> None:

@@ -17,11 +17,13 @@ import pytest
 from PIL import Image
 
 from benchmarks.imagery_server import Imagery, Shot, commented, jpeg, picture_path
+from catalogs.imagery import http_client
 from catalogs.imagery.fetch_log import FETCH_LOG_NAME, read_fetch_log
-from catalogs.imagery.fetching import MAX_CONSECUTIVE_FAILURES, MAX_DOWNLOADS, fetch_panoramas
+from catalogs.imagery.fetching import fetch_panoramas
 from catalogs.imagery.http_client import ServiceUnavailableError
 from catalogs.imagery.remote_panorama import PanoramaQuery, RemotePanorama
 from catalogs.imagery.services import stac_service
+from catalogs.imagery.settings import SERVICES
 from catalogs.readers.pictures.panoramas import read_panoramas
 from facade_core.core.errors import ImageError, InputError
 
@@ -155,7 +157,7 @@ def test_ids_name_files_of_the_folder_only(served: Imagery, tmp_path: Path) -> N
 def test_a_service_that_goes_away_ends_the_fetching(
     served: Imagery, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("catalogs.imagery.http_client.MAX_ATTEMPTS", 1)
+    monkeypatch.setattr(http_client, "SERVICES", replace(http_client.SERVICES, max_attempts=1))
     served.shots = [replace(GOOD, id=f"p{i}") for i in range(100)]
     for i in range(5, 100):
         served.faults[picture_path(f"p{i}")] = lambda *_: (503, {}, b"")
@@ -164,7 +166,7 @@ def test_a_service_that_goes_away_ends_the_fetching(
     # Each of the five that come may do so when all but one of those that end it are lost; then the others' threads end too.
     assert (
         sum(served.asked[picture_path(f"p{i}")] for i in range(5, 100))
-        <= 5 * (MAX_CONSECUTIVE_FAILURES - 1) + MAX_CONSECUTIVE_FAILURES + MAX_DOWNLOADS - 1
+        <= 5 * (SERVICES.max_consecutive_failures - 1) + SERVICES.max_consecutive_failures + SERVICES.max_downloads - 1
     )
     assert len(pictures(tmp_path / "p")) == 5, "what came stays"
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from email.utils import formatdate
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from benchmarks.imagery_server import Imagery, serving
 from catalogs.imagery import http_client
 from catalogs.imagery.http_client import HttpClient, RequestRejectedError, ServiceToken, ServiceUnavailableError
 from catalogs.imagery.services import TOKEN_VARIABLE, resolve_service, stac_service
+from catalogs.imagery.settings import SERVICES
 from facade_core.core.errors import InputError
 
 
@@ -31,7 +33,7 @@ def test_a_service_that_stays_away_is_left_after_a_few_attempts(served: Imagery)
     served.faults["/x"] = lambda *_: (502, {}, b"")
     with pytest.raises(ServiceUnavailableError, match=r"^http://127.0.0.1:\d+/x answers 502, 5 times; run again later"):
         HttpClient(sleep=lambda _: None).fetch_text(f"{served.address}/x", params={"access_token": "secret"})
-    assert served.asked["/x"] == http_client.MAX_ATTEMPTS
+    assert served.asked["/x"] == SERVICES.max_attempts
     served.faults["/x"] = lambda *_: (429, {"Retry-After": "86400"}, b"")
     with pytest.raises(ServiceUnavailableError, match="wants a pause of 86400 s; run again after that"):
         HttpClient().fetch_text(f"{served.address}/x")
@@ -85,7 +87,7 @@ def test_redirects_end_and_lead_to_no_file(served: Imagery) -> None:
 def test_what_is_larger_than_a_picture_may_be_is_not_read(
     served: Imagery, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(http_client, "MAX_PICTURE_BYTES", 1000)
+    monkeypatch.setattr(http_client, "SERVICES", replace(http_client.SERVICES, max_picture_bytes=1000))
     served.faults["/told"] = lambda *_: (200, {}, b"x" * 2000)
     served.faults["/untold"] = lambda *_: (200, {"Content-Length": "", "Connection": "close"}, b"x" * 2000)
     for path in ("/told", "/untold"):
@@ -106,7 +108,7 @@ def test_a_picture_that_is_cut_off_on_its_way_is_asked_for_again(served: Imagery
 
 
 def test_what_drips_is_left(served: Imagery, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(http_client, "TOTAL_TIMEOUT_S", -1.0)
+    monkeypatch.setattr(http_client, "SERVICES", replace(http_client.SERVICES, total_timeout_s=-1.0))
     served.faults["/p"] = lambda *_: (200, {}, b"x")
     with pytest.raises(ServiceUnavailableError, match="too slow"):
         HttpClient(sleep=lambda _: None).download(f"{served.address}/p", tmp_path / "picture")

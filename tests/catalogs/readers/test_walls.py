@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 from shapely import box
 
-from catalogs.readers.walls import ASSUMED_DEPTH_M, read_footprints_from_walls
+from catalogs.readers.settings import MODELS
+from catalogs.readers.walls import read_footprints_from_walls
 from facade_core.core.errors import InputError
 
 
@@ -36,8 +37,12 @@ def test_walls_that_meet_are_closed_and_single_ones_get_a_body_behind_them(tmp_p
     assert found.crs == "EPSG:28992"
     three, one, corner = found.items
     assert three.outline.equals(box(0, 0, 20, 10))
-    assert one.outline.equals(box(100 - ASSUMED_DEPTH_M, 0, 100, 30)), "going north, the inside is to the left: west"
-    assert corner.outline.equals(box(200, 0, 220, ASSUMED_DEPTH_M).union(box(220 - ASSUMED_DEPTH_M, 0, 220, 30)))
+    assert one.outline.equals(box(100 - MODELS.assumed_depth_m, 0, 100, 30)), (
+        "going north, the inside is to the left: west"
+    )
+    assert corner.outline.equals(
+        box(200, 0, 220, MODELS.assumed_depth_m).union(box(220 - MODELS.assumed_depth_m, 0, 220, 30))
+    )
     assert (three.height, three.base) == (20.0, 0.5)
     assert three.roof is not None
     assert (three.roof.shape, three.roof.height) == ("flat", 0.0), "walls end where stated"

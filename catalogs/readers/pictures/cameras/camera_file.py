@@ -10,18 +10,9 @@ import numpy as np
 
 from catalogs.features import Remark
 from catalogs.printable_text import short_repr
+from catalogs.readers.settings import CAMERAS
 from facade_core.core.arrays import Float64Array
 from facade_core.core.types import Lens
-
-# Largest focal length, in widths of the picture, and largest coefficient of a distortion.
-MAX_FOCAL_WIDTHS = 100.0
-MIN_FOCAL_WIDTHS = 0.05
-MAX_COEFFICIENT = 1e4
-MAX_SIDE_PX = 200_000
-# Largest magnitude of a position in any frame, metres (geocentric ones have 6.4 million).
-MAX_POSITION = 1e8
-# Largest error of the axes of a rotation from unit length and right angles.
-MAX_AXIS_ERROR = 0.02
 
 # A lens for the stored size (width, height) of its picture, which some formats do not state.
 LensOfSize = Callable[[tuple[int, int]], Lens]
@@ -86,13 +77,13 @@ def check_lens(lens: Lens) -> Lens:
     numbers = (*lens.focal, *lens.centre, *lens.radial, *lens.denominator, *lens.tangential, lens.skew)
     if not np.isfinite(numbers).all():
         raise ValueError("its calibration has a number that is not finite")
-    if not (1 <= width <= MAX_SIDE_PX and 1 <= height <= MAX_SIDE_PX):
+    if not (1 <= width <= CAMERAS.max_side_px and 1 <= height <= CAMERAS.max_side_px):
         raise ValueError(f"its calibration is for {width} x {height} pixels, which no picture has")
-    if not all(MIN_FOCAL_WIDTHS * width <= focal <= MAX_FOCAL_WIDTHS * width for focal in lens.focal):
+    if not all(CAMERAS.min_focal_widths * width <= focal <= CAMERAS.max_focal_widths * width for focal in lens.focal):
         raise ValueError(f"its focal length of {lens.focal[0]:g} pixels is none for a picture {width} pixels wide")
     if not (-width <= lens.centre[0] <= 2 * width and -height <= lens.centre[1] <= 2 * height):
         raise ValueError(f"its principal point {short_repr(lens.centre)} is far outside of the picture")
-    if max(map(abs, (*lens.radial, *lens.denominator, *lens.tangential)), default=0.0) > MAX_COEFFICIENT:
+    if max(map(abs, (*lens.radial, *lens.denominator, *lens.tangential)), default=0.0) > CAMERAS.max_coefficient:
         raise ValueError("its distortion is larger than any lens has")
     return lens
 
@@ -100,7 +91,7 @@ def check_lens(lens: Lens) -> Lens:
 def check_position(values: Sequence[float] | Float64Array) -> Float64Array:
     """Return a position (3,); ValueError for none."""
     position = np.asarray(values, np.float64)
-    if position.shape != (3,) or not (np.abs(position) <= MAX_POSITION).all():
+    if position.shape != (3,) or not (np.abs(position) <= CAMERAS.max_position).all():
         raise ValueError(f"{short_repr(np.ravel(position).tolist())} is no position")
     return position
 
@@ -110,7 +101,7 @@ def check_rotation(matrix: Float64Array) -> Float64Array:
     if matrix.shape != (3, 3) or not np.isfinite(matrix).all():
         raise ValueError("its rotation is not finite")
     left, scale, right = np.linalg.svd(matrix)
-    if np.abs(scale - 1).max() > MAX_AXIS_ERROR:
+    if np.abs(scale - 1).max() > CAMERAS.max_axis_error:
         raise ValueError(
             "its rotation matrix is none: its axes have other lengths than 1, or other angles than 90 degrees"
         )
@@ -124,7 +115,7 @@ def rotation_from_quaternion(w: float, x: float, y: float, z: float) -> Float64A
     from scipy.spatial.transform import Rotation
 
     length = float(np.linalg.norm([w, x, y, z]))
-    if not abs(length - 1) <= MAX_AXIS_ERROR:
+    if not abs(length - 1) <= CAMERAS.max_axis_error:
         raise ValueError(f"its quaternion has length {length:g}, and 1 is that of a rotation")
     return np.asarray(Rotation.from_quat([x, y, z, w]).as_matrix())
 

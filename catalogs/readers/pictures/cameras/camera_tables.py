@@ -19,11 +19,11 @@ from catalogs.readers.pictures.cameras.camera_file import (
 )
 from catalogs.readers.pictures.pose_fields import read_field
 from catalogs.readers.pictures.pose_records import PoseRecord, csv_records
+from catalogs.readers.settings import CAMERAS
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
 from facade_core.core.types import Lens
 
-MAX_ROWS = 200_000
 # Angles of photogrammetry, and degrees of their units.
 _ANGLE = re.compile(r"^(omega|phi|kappa)[\s_.]*[\[(]?(deg|degrees?|°|rad|radians?|gon|grads?)?[\])]?$")
 _DEGREES = {"rad": math.degrees(1.0), "gon": 0.9, "gra": 0.9}
@@ -35,7 +35,6 @@ _FOCAL_NAMES = {
 _COEFFICIENTS = ("k1", "k2", "k3", "p1", "p2")
 # Diagonal of a frame of 35 mm film, and the least focal length in pixels: a smaller one is in millimetres.
 _DIAGONAL_35MM = math.hypot(36, 24)
-_MIN_FOCAL_PX = 100.0
 _HINT = "give file, x, y, z (or lon, lat), omega, phi, kappa (or heading, pitch, roll) and focal_px"
 
 
@@ -58,8 +57,8 @@ def read_camera_table(name: str, text: str, crs: str | None) -> CameraFile:
         raise InputError(f"{name} is no table of cameras ({short_message(error)}); {_HINT}") from error
     if not records:
         raise InputError(f"{name} holds no rows; {_HINT}")
-    if len(records) > MAX_ROWS:
-        raise InputError(f"{name} has more than {MAX_ROWS} rows; give those of this block")
+    if len(records) > CAMERAS.max_rows:
+        raise InputError(f"{name} has more than {CAMERAS.max_rows} rows; give those of this block")
     cameras: dict[str, SourceCamera | str] = {}
     is_geographic = False
     for picture, record in records:
@@ -129,7 +128,7 @@ def _lens(record: JsonObject) -> LensOfSize:
     sensor = value("sensor_width_mm")
     if unit == "mm" and not sensor:
         raise ValueError("focal_mm needs sensor_width_mm, the width of the sensor")
-    if unit == "px" and focal < _MIN_FOCAL_PX:
+    if unit == "px" and focal < CAMERAS.min_focal_px:
         raise ValueError(f"a focal length of {focal:g} pixels is none; call millimetres focal_mm, with sensor_width_mm")
     stated = (value("width"), value("height"))
     cx, cy = value("cx"), value("cy")

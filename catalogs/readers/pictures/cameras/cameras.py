@@ -28,28 +28,14 @@ from catalogs.readers.pictures.capture_dates import exif_capture_date
 from catalogs.readers.pictures.decoding import open_picture
 from catalogs.readers.pictures.embedded_poses import embedded_pose, read_exif_gps
 from catalogs.readers.pictures.folders import list_images
-from catalogs.readers.pictures.panoramas import (
-    MAX_DISTANCE_M,
-    PosedPanorama,
-    PosedPanoramas,
-    distance_outside,
-    outdated_remarks,
-)
+from catalogs.readers.pictures.panoramas import PosedPanorama, PosedPanoramas, distance_outside, outdated_remarks
 from catalogs.readers.pictures.source_poses import degrees_from_dms
+from catalogs.readers.settings import CAMERAS, PICTURES
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import read_regular
 from facade_core.core.types import Pose
 
-MAX_FILE_BYTES = 256 * 2**20
-# Largest difference of the proportions of a picture and of its calibration.
-MAX_ASPECT_ERROR = 0.01
-# Sines of tilts: a picture is upside down, or turned neither upright nor on its side; shares of pictures that are refused.
-UPSIDE_DOWN_SINE = 0.5
-TILTED_SINES = (0.5, 0.9)
-SKYWARD_SINE = 0.7
-MAX_UPSIDE_DOWN_SHARE = 0.5
-MAX_TILTED_SHARE = 0.25
 _ORIENTATION_TAG = 0x0112
 _NO_CAMERA = "has no camera in"
 _FORMATS = (
@@ -129,7 +115,9 @@ def read_cameras(
     _check_upright(file.name, np.array([rotation for _, rotation in posed.values()]))
     items = []
     for path, (pose, _) in posed.items():
-        if not math.isfinite(pose.x + pose.y) or (bounds and distance_outside(pose, bounds) > MAX_DISTANCE_M):
+        if not math.isfinite(pose.x + pose.y) or (
+            bounds and distance_outside(pose, bounds) > PICTURES.max_panorama_distance_m
+        ):
             remarks.append(Remark(path.stem, "cameras of another place skipped", None))
         else:
             items.append(PosedPanorama(path.stem, path, pose, headers[path].captured))
@@ -152,7 +140,7 @@ def _read_camera_file(path: Path, crs: str | None) -> CameraFile:
     """Read a file of any of the formats."""
     if path.is_dir() or path.suffix == ".bin" or path.name in ("images.txt", "cameras.txt", "points3D.txt"):
         return read_colmap(path)
-    content = read_regular(path, MAX_FILE_BYTES)
+    content = read_regular(path, CAMERAS.max_file_bytes)
     if path.suffix.lower() == ".xml" or content[:200].lstrip(b"\xef\xbb\xbf \r\n\t").startswith(b"<"):
         return read_metashape(path.name, content)
     try:
@@ -240,7 +228,7 @@ def _fit_to_picture(camera: SourceCamera, header: _Header) -> SourceCamera:
     ratio = width / height
 
     def fits(size: tuple[int, int]) -> bool:
-        return abs(size[0] / size[1] / ratio - 1) <= MAX_ASPECT_ERROR
+        return abs(size[0] / size[1] / ratio - 1) <= CAMERAS.max_aspect_error
 
     if not fits(stored) and not (turned and fits(upright)):
         raise ValueError(
@@ -284,7 +272,8 @@ def _place(
         placement = place_by_gps(file.name, centres, np.array([camera.rotation for camera in cameras]), places)
         return _by_placement(placement), placement.note
     if bounds and all(
-        distance_outside(Pose(float(centre[0]), float(centre[1]), None, 0.0), bounds) <= MAX_DISTANCE_M
+        distance_outside(Pose(float(centre[0]), float(centre[1]), None, 0.0), bounds)
+        <= PICTURES.max_panorama_distance_m
         for centre in centres
     ):
         return _by_frame(None, None, frame), "cameras without GPS taken to be in the frame of the block, where they are"
@@ -337,10 +326,13 @@ def _check_upright(name: str, axes: Float64Array) -> None:
         "rotations are from the world to camera axes x right, y down, z ahead: check the order of quaternions (w, x, y, z), "
         "the axes, the unit of angles, and that pitch is 0 at the horizon (Metashape's is 90 there)"
     )
-    if (down > UPSIDE_DOWN_SINE).mean() > MAX_UPSIDE_DOWN_SHARE:
+    if (down > CAMERAS.upside_down_sine).mean() > CAMERAS.max_upside_down_share:
         raise InputError(f"{name}: most pictures are upside down; {remedy}")
-    if (ahead > SKYWARD_SINE).mean() > MAX_UPSIDE_DOWN_SHARE:
+    if (ahead > CAMERAS.skyward_sine).mean() > CAMERAS.max_upside_down_share:
         raise InputError(f"{name}: most pictures look at the sky; {remedy}")
     tilt = np.abs(right)
-    if len(axes) > 3 and ((tilt > TILTED_SINES[0]) & (tilt < TILTED_SINES[1])).mean() > MAX_TILTED_SHARE:
+    if (
+        len(axes) > 3
+        and ((tilt > CAMERAS.tilted_sines[0]) & (tilt < CAMERAS.tilted_sines[1])).mean() > CAMERAS.max_tilted_share
+    ):
         raise InputError(f"{name}: pictures are tilted every way; {remedy}")

@@ -18,6 +18,7 @@ from catalogs.readers.pictures.cameras.camera_file import (
     check_position,
     rotation_from_quaternion,
 )
+from catalogs.readers.settings import CAMERAS
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
 from facade_core.core.lens_projection import project_camera_rays
@@ -31,17 +32,6 @@ MODELS = {
     9: ("RADIAL_FISHEYE", 5), 10: ("THIN_PRISM_FISHEYE", 12), 11: ("RAD_TAN_THIN_PRISM_FISHEYE", 16),
 }  # fmt: skip
 PARAMETERS = dict(MODELS.values())
-# Size of the files, bytes: those of images list the points of each.
-MAX_CAMERAS_BYTES = 64 * 2**20
-MAX_IMAGES_BYTES = 4 * 2**30
-MAX_IMAGES = 200_000
-MAX_NAME_BYTES = 4096
-# Bytes of a line that lists points of a picture.
-MAX_LINE_BYTES = 64 * 2**20
-# Points by which rotations are checked, and the least share of them that must be in the pictures they were found in.
-CHECKED_POINTS = 3000
-MIN_CHECKED = 50
-MIN_SEEN_SHARE = 0.5
 _POINT_BYTES = 24
 
 
@@ -61,17 +51,17 @@ def read_colmap(path: Path) -> CameraFile:
             raise InputError(f"{file} is missing; a COLMAP model has cameras{suffix} and images{suffix} in one folder")
     is_text = suffix == ".txt"
     try:
-        with open_regular(files[0], MAX_CAMERAS_BYTES) as stream:
+        with open_regular(files[0], CAMERAS.max_cameras_bytes) as stream:
             lenses = dict(_text_lenses(stream) if is_text else _binary_lenses(stream))
     except (ValueError, struct.error, IndexError, OverflowError) as error:
         raise InputError(f"{files[0]} is not COLMAP's ({short_message(error)}); export the model again") from error
     cameras: dict[str, SourceCamera | str] = {}
     numbers: dict[int, str] = {}
     try:
-        with open_regular(files[1], MAX_IMAGES_BYTES) as stream:
+        with open_regular(files[1], CAMERAS.max_images_bytes) as stream:
             for number, values, camera, name in _text_images(stream) if is_text else _binary_images(stream):
-                if len(cameras) >= MAX_IMAGES:
-                    raise ValueError(f"it has more than {MAX_IMAGES} pictures")
+                if len(cameras) >= CAMERAS.max_images:
+                    raise ValueError(f"it has more than {CAMERAS.max_images} pictures")
                 numbers[number] = name
                 cameras[name] = _camera(files[1].name, name, values, lenses.get(camera, "its camera is not listed"))
     except (ValueError, struct.error, IndexError, OverflowError) as error:
@@ -119,8 +109,8 @@ def _text_lines(stream: BufferedReader) -> Iterator[str]:
     """Yield the lines without comments, empty ones too; the first 200 bytes decide whether it is text."""
     if b"\0" in stream.peek(200)[:200]:
         raise ValueError("it is no text")
-    while line := stream.readline(MAX_LINE_BYTES):
-        if not line.endswith(b"\n") and len(line) >= MAX_LINE_BYTES:
+    while line := stream.readline(CAMERAS.max_line_bytes):
+        if not line.endswith(b"\n") and len(line) >= CAMERAS.max_line_bytes:
             raise ValueError("it has a line without end")
         if not line.startswith(b"#"):
             yield line.decode(errors="replace").strip()
@@ -166,7 +156,7 @@ def _binary_images(stream: BufferedReader) -> Iterator[tuple[int, list[float], i
         number, *values, camera = _unpack(stream, "i7di")
         name = bytearray()
         while (octet := stream.read(1)) != b"\0":
-            if not octet or len(name) > MAX_NAME_BYTES:
+            if not octet or len(name) > CAMERAS.max_name_bytes:
                 raise ValueError("it is truncated")
             name += octet
         (points,) = _unpack(stream, "Q")
@@ -180,8 +170,10 @@ def _check_by_points(path: Path, cameras: dict[int, SourceCamera | str], *, is_t
         return
     seen = total = 0
     try:
-        with open_regular(path, MAX_IMAGES_BYTES) as stream:
-            for point, track in islice(_text_points(stream) if is_text else _binary_points(stream), CHECKED_POINTS):
+        with open_regular(path, CAMERAS.max_images_bytes) as stream:
+            for point, track in islice(
+                _text_points(stream) if is_text else _binary_points(stream), CAMERAS.checked_points
+            ):
                 for number in track[:20]:
                     camera = cameras.get(number)
                     if isinstance(camera, SourceCamera):
@@ -190,7 +182,7 @@ def _check_by_points(path: Path, cameras: dict[int, SourceCamera | str], *, is_t
                         total += 1
     except (ValueError, struct.error, IndexError, OverflowError) as error:
         raise InputError(f"{path} is not COLMAP's ({short_message(error)}); remove it, or export it again") from error
-    if total >= MIN_CHECKED and seen < MIN_SEEN_SHARE * total:
+    if total >= CAMERAS.min_checked_points and seen < CAMERAS.min_seen_share * total:
         raise InputError(
             f"{path.parent}: only {100 * seen / total:.0f} % of its points are in the pictures in which they were found; its "
             "rotations are no COLMAP ones (QW, QX, QY, QZ from world to camera, right-handed): export the model again"
@@ -207,7 +199,7 @@ def _binary_points(stream: BufferedReader) -> Iterator[tuple[Float64Array, list[
     (count,) = _unpack(stream, "Q")
     for _ in range(int(count)):
         _, x, y, z, *_, length = _unpack(stream, "Q3d3BdQ")
-        if length > MAX_IMAGES:
+        if length > CAMERAS.max_images:
             raise ValueError("a point has more pictures than a model has")
         track = np.frombuffer(stream.read(8 * int(length)), "<i4")
         yield np.array([x, y, z]), track[::2].tolist()

@@ -7,28 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from catalogs.readers.settings import CAMERAS
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
 
-# Pictures with GPS that a placement needs, and the distance in metres that they must span.
-MIN_GPS_PICTURES = 3
-MIN_GPS_SPAN_M = 15.0
-# Expected error of GPS, metres; larger ones count less.
-GPS_SIGMA_M = 3.0
-# Median residual, metres, from which GPS and model do not belong together.
-MAX_GPS_RESIDUAL_M = 15.0
-# Control points that a placement needs, and the least width of their triangle as a share of its length.
-MIN_CONTROL_POINTS = 3
-MIN_CONTROL_WIDTH = 0.02
-# Largest residual of control points, as a share of what they span.
-MAX_CONTROL_RESIDUAL = 0.1
-# A mirrored fit explains the places so many times better where the axes are left-handed.
-MIRROR_RATIO = 4.0
-# Median of the tilt of the right axes of pictures, as a sine, from which they have no common vertical.
-MAX_TILT_SINE = 0.35
-# Weight of the axes ahead against the right axes: streets are looked along and across, not up and down.
-_AHEAD_WEIGHT = 0.05
-_ROUNDS = 20
 _REMEDY = "give three control points (imagery.cameras.control), or the frame of the file (imagery.cameras.crs)"
 
 
@@ -78,29 +60,29 @@ def place_by_gps(
         Where the places are too few or too near each other, or contradict the cameras.
     """
     known = np.isfinite(places[:, :2]).all(axis=1)
-    if known.sum() < MIN_GPS_PICTURES:
+    if known.sum() < CAMERAS.min_gps_pictures:
         raise InputError(
-            f"{name} has a frame of its own, and {known.sum()} of its pictures have GPS, where {MIN_GPS_PICTURES} are needed; "
-            f"{remedy}"
+            f"{name} has a frame of its own, and {known.sum()} of its pictures have GPS, where {CAMERAS.min_gps_pictures} are "
+            f"needed; {remedy}"
         )
     target = places[known, :2]
     span = float(np.linalg.norm(target.max(axis=0) - target.min(axis=0)))
-    if span < MIN_GPS_SPAN_M:
+    if span < CAMERAS.min_gps_span_m:
         raise InputError(
-            f"{name} has a frame of its own, and the GPS of its pictures spans {span:.0f} m, where {MIN_GPS_SPAN_M:g} m are "
-            f"needed; {remedy}"
+            f"{name} has a frame of its own, and the GPS of its pictures spans {span:.0f} m, where {CAMERAS.min_gps_span_m:g} "
+            f"m are needed; {remedy}"
         )
     level = _level_rotation(name, rotations)
     source = centres[known] @ level.T
     mirrored, proper = (_fit_plan(flat, target) for flat in (source[:, :2] * [1, -1], source[:, :2]))
     factor, offset, residual = proper
     median = float(np.median(residual))
-    if np.median(mirrored[2]) * MIRROR_RATIO < median and median > GPS_SIGMA_M:
+    if np.median(mirrored[2]) * CAMERAS.mirror_ratio < median and median > CAMERAS.gps_sigma_m:
         raise InputError(
             f"{name}: its cameras are the mirror image of their GPS (left-handed axes); export right-handed ones (x right, "
             "y down, z ahead)"
         )
-    if median > MAX_GPS_RESIDUAL_M or not 1e-4 < abs(factor) < 1e4:
+    if median > CAMERAS.max_gps_residual_m or not 1e-4 < abs(factor) < 1e4:
         raise InputError(f"{name}: its cameras are {median:.0f} m off the GPS of their pictures at best; {remedy}")
     scale = float(abs(factor))
     turn = np.array([[factor.real, -factor.imag, 0], [factor.imag, factor.real, 0], [0, 0, scale]]) / scale
@@ -122,11 +104,11 @@ def place_by_gps(
 def _level_rotation(name: str, rotations: Float64Array) -> Float64Array:
     """Return the rotation (3, 3) that makes z the vertical of pictures whose right axes are level."""
     right, ahead = rotations[:, 0], rotations[:, 2]
-    moments = right.T @ right + _AHEAD_WEIGHT * ahead.T @ ahead
+    moments = right.T @ right + CAMERAS.ahead_weight * ahead.T @ ahead
     up = np.linalg.eigh(moments)[1][:, 0]
     if np.median(rotations[:, 1] @ up) > 0:  # y is down
         up = -up
-    if float(np.median(np.abs(right @ up))) > MAX_TILT_SINE:
+    if float(np.median(np.abs(right @ up))) > CAMERAS.max_tilt_sine:
         raise InputError(
             f"{name}: its pictures are tilted every way, so that none is upright; check the order of quaternions (w, x, y, z), "
             "and that rotations go from the world to the camera"
@@ -141,14 +123,14 @@ def _fit_plan(source: Float64Array, target: Float64Array) -> tuple[complex, comp
     a, b = source @ [1, 1j], target @ [1, 1j]
     weight = np.ones(len(a))
     factor, offset = 1.0 + 0j, 0j
-    for _ in range(_ROUNDS):
+    for _ in range(CAMERAS.placement_rounds):
         middle_a, middle_b = np.average(a, weights=weight), np.average(b, weights=weight)
         spread = float((weight * np.abs(a - middle_a) ** 2).sum())
         if spread == 0:
             break
         factor = complex((weight * np.conj(a - middle_a) * (b - middle_b)).sum() / spread)
         offset = complex(middle_b - factor * middle_a)
-        weight = 1 / (1 + (np.abs(factor * a + offset - b) / GPS_SIGMA_M) ** 2)
+        weight = 1 / (1 + (np.abs(factor * a + offset - b) / CAMERAS.gps_sigma_m) ** 2)
     return factor, offset, np.abs(factor * a + offset - b)
 
 
@@ -166,21 +148,21 @@ def place_by_control_points(name: str, names: Sequence[str], source: Float64Arra
     InputError
         Where they are too few, on a line, or contradict each other.
     """
-    if len(source) < MIN_CONTROL_POINTS:
+    if len(source) < CAMERAS.min_control_points:
         raise InputError(
-            f"{name} holds {len(source)} control points that can be used; {MIN_CONTROL_POINTS} are the least"
+            f"{name} holds {len(source)} control points that can be used; {CAMERAS.min_control_points} are the least"
         )
     a, b = source - source.mean(axis=0), target - target.mean(axis=0)
     for points, what in ((a, "in the model"), (b, "on the map")):
         size = np.linalg.svd(points, compute_uv=False)
-        if size[1] < MIN_CONTROL_WIDTH * size[0] or size[0] == 0:
+        if size[1] < CAMERAS.min_control_width * size[0] or size[0] == 0:
             raise InputError(f"{name}: its points are on one line {what}; give one beside it")
     rotation, scale = _fit_rotation(a, b, mirror=False)
     residual = np.linalg.norm(scale * a @ rotation.T - b, axis=1)
     span, worst = float(np.linalg.norm(b, axis=1).max()), names[int(np.argmax(residual))]
-    if residual.max() > MAX_CONTROL_RESIDUAL * span:
+    if residual.max() > CAMERAS.max_control_residual * span:
         other, other_scale = _fit_rotation(a, b, mirror=True)
-        if np.linalg.norm(other_scale * a @ other.T - b, axis=1).max() * MIRROR_RATIO < residual.max():
+        if np.linalg.norm(other_scale * a @ other.T - b, axis=1).max() * CAMERAS.mirror_ratio < residual.max():
             raise InputError(
                 f"{name}: its points are mirrored between model and map (left-handed axes); export the model again"
             )

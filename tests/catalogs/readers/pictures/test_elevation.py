@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from rasterio.transform import from_origin
 
 from catalogs.readers.pictures import elevation
 from catalogs.readers.pictures.elevation import note_assumed_unit, read_elevation
+from catalogs.readers.settings import PICTURES
 from facade_core.core.errors import InputError
 from facade_core.core.types import ElevationRaster
 
@@ -84,9 +86,9 @@ def test_degrees_are_warped_into_the_frame(tmp_path: Path) -> None:
 def test_fine_and_vast_rasters_become_coarser(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = write(tmp_path / "dem.tif", tilted(0.5), 0.5)
     found = read_elevation(path, UTM, BOX)
-    assert found.step == elevation.MIN_CELL_M
+    assert found.step == PICTURES.min_elevation_cell_m
     np.testing.assert_allclose(found.heights, plane(*places(found)), atol=0.01)
-    monkeypatch.setattr(elevation, "MAX_CELLS", 400)
+    monkeypatch.setattr(elevation, "PICTURES", replace(PICTURES, max_elevation_cells=400))
     found = read_elevation(path, UTM, BOX)
     assert found.heights.size <= 400
     check_covers(found)

@@ -12,7 +12,8 @@ import shapely
 from shapely import LineString, MultiPolygon, Polygon
 
 from catalogs.block.streets import build_block_streets
-from catalogs.buildings.assembly import MIN_FOOTPRINT_M2, assemble_buildings
+from catalogs.buildings.assembly import assemble_buildings
+from catalogs.buildings.settings import SITES
 from catalogs.crs import utm_crs
 from catalogs.features import Centreline, CentrelinesAndGround, Footprint, Footprints, Remark
 from catalogs.readers.vectors import osm
@@ -51,7 +52,7 @@ def test_real_buildings_have_outlines_and_what_is_tagged(footprints: Footprints)
     buildings = assemble_buildings([footprints], UTM, area=None, floor_height=3.2).items
     assert len(buildings) == 580
     assert len({b.part_of for b in buildings if b.part_of}) == 49
-    assert min(b.footprint.area for b in buildings if not b.part_of) >= MIN_FOOTPRINT_M2
+    assert min(b.footprint.area for b in buildings if not b.part_of) >= SITES.min_footprint_m2
     assert sum(len(b.footprint.interiors) > 0 for b in buildings) > 50, "courtyards stay"
     assert all(2 <= b.height <= 80 for b in buildings if not b.part_of)
 
