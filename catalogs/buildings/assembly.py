@@ -24,6 +24,7 @@ from catalogs.crs import coordinate_transform
 from catalogs.features import BuildingModels, Fault, Footprint, Footprints, format_reason_notes, natural_sort_key
 from catalogs.reader_errors import fault_reason
 from facade_core.core.arrays import ObjectArray
+from facade_core.core.errors import InputError
 from facade_core.core.types import Building
 
 if TYPE_CHECKING:
@@ -170,28 +171,19 @@ def _footprint_candidates(
     pieces: list[tuple[Footprint, str, Polygon]] = []
     outlines = _project([footprint.outline for footprint in source.items], source.crs, crs)
     for footprint, stated in zip(source.items, outlines, strict=True):
-        outline, smallest = stated, SITES.min_part_m2 if footprint.is_part else SITES.min_footprint_m2
         try:
-            outline = _without_stray_holes(stated)
-            if outline is not stated:
-                reasons["holes outside their outlines ignored"].append(footprint.id)
-            reason = _find_defect(outline)
-            large, small = ([], []) if reason else _split_polygons(outline, smallest)
-        except Exception as error:  # an error of GEOS affects this outline only
-            reason = fault_reason(error)
-        if reason:
-            if _may_intersect(outline, area):
-                faults.append(Fault(footprint.id, "building", reason))
+            parts = _split_outline(footprint, stated, area, reasons)
+        except InputError as error:
+            if _may_intersect(stated, area):
+                faults.append(Fault(footprint.id, "building", str(error)))
             continue
-        if not large and _may_intersect(outline, area):
-            what = "parts of buildings" if footprint.is_part else "footprints"
-            reason = f"{what} under {smallest:g} m2" if small else f"{what} that enclose no area"
-            reasons[f"{reason} set aside"].append(footprint.id)
-        if large and shapely.is_valid_reason(outline).startswith("Self-intersection"):
-            reasons["outlines that cross themselves in a sliver repaired"].append(footprint.id)
+        except Exception as error:  # an error of GEOS affects this outline only
+            if _may_intersect(stated, area):
+                faults.append(Fault(footprint.id, "building", fault_reason(error)))
+            continue
         pieces += [
-            (footprint, footprint.id if len(large) == 1 else f"{footprint.id}-{index}", part)
-            for index, part in enumerate(large)
+            (footprint, footprint.id if len(parts) == 1 else f"{footprint.id}-{index}", part)
+            for index, part in enumerate(parts)
         ]
     pieces = _drop_repeated_outlines(pieces, reasons)
     candidates: list[_Candidate] = []
@@ -209,6 +201,26 @@ def _footprint_candidates(
         elif _states_floor_height(candidate) and shapely.dwithin(area, outline, SITES.context_distance_m):
             around.append(candidate)
     return candidates
+
+
+def _split_outline(
+    footprint: Footprint, stated: BaseGeometry, area: Polygon | None, reasons: dict[str, list[str]]
+) -> list[Polygon]:
+    """Return the polygons of an outline that are large enough; InputError with its defect."""
+    smallest = SITES.min_part_m2 if footprint.is_part else SITES.min_footprint_m2
+    outline = _without_stray_holes(stated)
+    if outline is not stated:
+        reasons["holes outside their outlines ignored"].append(footprint.id)
+    if defect := _find_defect(outline):
+        raise InputError(defect)
+    large, small = _split_polygons(outline, smallest)
+    if not large and _may_intersect(outline, area):
+        what = "parts of buildings" if footprint.is_part else "footprints"
+        reason = f"{what} under {smallest:g} m2" if small else f"{what} that enclose no area"
+        reasons[f"{reason} set aside"].append(footprint.id)
+    if large and shapely.is_valid_reason(outline).startswith("Self-intersection"):
+        reasons["outlines that cross themselves in a sliver repaired"].append(footprint.id)
+    return large
 
 
 def _drop_repeated_outlines(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -52,21 +52,29 @@ def attach_parts(sources: Sequence[Footprints | BuildingModels], crs: CRS) -> tu
     if not any(one.item.whole_id or one.item.has_parts or (several and one.item.is_part) for one in entries):
         return tuple(sources)
     parts = [one for one in entries if one.item.whole_id or one.item.is_part]
-    wholes = [one for one in entries if not one.item.is_part and one.item.shell is None]
+    wholes = [one for one in entries if _is_whole(one)]
     hosts = _find_hosts(parts, wholes, sources, crs)
     result = list(sources)
     for number in {entry.source for entry in entries}:
+        own = [one for one in entries if one.source == number]
         source = sources[number]
         assert isinstance(source, Footprints)
-        kept = [one.item for one in entries if one.source == number and one.place not in hosts]
         moved = [_move_to_frame(one, sources, source) for one in parts if hosts.get(one.place, (-1,))[0] == number]
-        missing = [
-            Remark(one.item.id, MISSING_PARTS_REASON, one.item.outline)
-            for one in wholes
-            if one.source == number and one.item.has_parts and one.place not in hosts.values()
-        ]
-        result[number] = replace(source, items=(*kept, *moved), remarks=(*source.remarks, *missing))
+        kept = [one.item for one in own if one.place not in hosts]
+        result[number] = replace(
+            source, items=(*kept, *moved), remarks=(*source.remarks, *_note_missing_parts(own, hosts))
+        )
     return tuple(result)
+
+
+def _note_missing_parts(entries: Sequence[_Entry], hosts: Mapping[tuple[int, int], tuple[int, int]]) -> list[Remark]:
+    """Return a remark for each whole building that states parts and has none."""
+    wholes = [one.item for one in entries if _is_whole(one) and one.place not in hosts.values()]
+    return [Remark(item.id, MISSING_PARTS_REASON, item.outline) for item in wholes if item.has_parts]
+
+
+def _is_whole(entry: _Entry) -> bool:
+    return not entry.item.is_part and entry.item.shell is None
 
 
 def _find_hosts(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from hashlib import blake2b
 
 import numpy as np
@@ -96,53 +96,79 @@ def likeliest_roof(building: Building, footprint: Footprint, *, attached: bool) 
     footprint : footprint that the building comes from.
     attached : True where a neighbour touches the building.
     """
-    outline, height = building.footprint, building.height
-    depth = float(shapely.maximum_inscribed_circle(outline, tolerance=0.1).length)
-    one, two = hash_uniform_pair(building.id)
-    kind = footprint.use or ""
+    site = _RoofSite(
+        building.footprint.area,
+        float(shapely.maximum_inscribed_circle(building.footprint, tolerance=0.1).length),
+        building.height,
+        attached,
+        hash_uniform_pair(building.id),
+        footprint.roof_height,
+    )
+    if footprint.roof_height is not None and footprint.roof_height > 0:
+        return site.slope("gabled", ROOFS.row_pitch_range_deg if attached else ROOFS.house_pitch_range_deg, 0.6)
+    return site.roof_by_use(footprint.use or "", footprint.year_built or 0) or site.roof_of_row()
 
-    def sloped(shape: str, pitches: tuple[float, float], most: float, confidence: float) -> Roof:
-        pitch = round(pitches[0] + one * (pitches[1] - pitches[0]), 1)
-        rise = (
-            min(most, depth * math.tan(math.radians(pitch))) if footprint.roof_height is None else footprint.roof_height
-        )
-        if footprint.roof_height is not None:
-            pitch = round(min(max(pitch, math.degrees(math.atan2(rise, depth))), 70.0), 1)
+
+@dataclass(frozen=True, slots=True)
+class _RoofSite:
+    """What the likeliest roof of a building depends on.
+
+    Attributes
+    ----------
+    area : m2.
+    half_depth : radius of the largest inscribed circle, metres.
+    height : metres.
+    is_attached : a neighbour touches the building.
+    chance : two numbers from 0 to 1.
+    stated_rise : stated height of the roof, metres; None without.
+    """
+
+    area: float
+    half_depth: float
+    height: float
+    is_attached: bool
+    chance: tuple[float, float]
+    stated_rise: float | None
+
+    def slope(
+        self, shape: str, pitches: tuple[float, float], confidence: float, most: float = ROOFS.max_row_roof_m
+    ) -> Roof:
+        """Return a sloped roof of a pitch in a range, at most so high where its height is not stated."""
+        pitch = round(pitches[0] + self.chance[0] * (pitches[1] - pitches[0]), 1)
+        if self.stated_rise is None:
+            rise = min(most, self.half_depth * math.tan(math.radians(pitch)))
+        else:
+            rise = self.stated_rise
+            pitch = round(min(max(pitch, math.degrees(math.atan2(rise, self.half_depth))), 70.0), 1)
         return Roof(shape, round(rise, 2), pitch=pitch, confidence=confidence)
 
-    def flat(confidence: float) -> Roof:
-        return Roof("flat", 0.0, confidence=confidence)
+    def roof_by_use(self, use: str, year: int) -> Roof | None:
+        """Return the roof of a use or a size that leave no choice; None for houses of a street."""
+        church = (ROOFS.church_pitch_deg, ROOFS.church_pitch_deg)
+        is_shed = self.area < ROOFS.max_shed_area_m2 or self.half_depth < ROOFS.max_shed_half_depth_m
+        is_large = self.half_depth > ROOFS.max_pitched_half_depth_m or self.height > ROOFS.max_pitched_height_m
+        is_hall = self.height < 2 * ROOFS.min_wall_m and self.area > ROOFS.min_hall_area_m2
+        if self.stated_rise == 0 or use in FLAT_ROOF_USES:
+            return Roof("flat", 0.0, confidence=0.8)
+        if use in CHURCH_USES:
+            return self.slope("gabled", church, 0.6, ROOFS.max_church_roof_m)
+        if use in SHED_USES or is_shed:
+            rise = min(2 * self.half_depth * math.tan(math.radians(ROOFS.shed_pitch_deg)), ROOFS.max_shed_roof_m)
+            is_sloped = self.chance[0] < 0.5
+            return Roof("skillion" if is_sloped else "flat", round(rise, 2) if is_sloped else 0.0, confidence=0.4)
+        if year >= ROOFS.flat_roof_since_year or is_large:
+            return Roof("flat", 0.0, confidence=0.6)
+        return Roof("flat", 0.0, confidence=0.5) if is_hall else None
 
-    if footprint.roof_height is not None and footprint.roof_height > 0:
-        return sloped(
-            "gabled", ROOFS.row_pitch_range_deg if attached else ROOFS.house_pitch_range_deg, ROOFS.max_row_roof_m, 0.6
-        )
-    if footprint.roof_height == 0 or kind in FLAT_ROOF_USES:
-        return flat(0.8)
-    if kind in CHURCH_USES:
-        return sloped("gabled", (ROOFS.church_pitch_deg, ROOFS.church_pitch_deg), ROOFS.max_church_roof_m, 0.6)
-    if kind in SHED_USES or outline.area < ROOFS.max_shed_area_m2 or depth < ROOFS.max_shed_half_depth_m:
-        rise = min(2 * depth * math.tan(math.radians(ROOFS.shed_pitch_deg)), ROOFS.max_shed_roof_m)
-        return Roof("skillion", round(rise, 2), confidence=0.4) if one < 0.5 else flat(0.4)
-    if (
-        (footprint.year_built or 0) >= ROOFS.flat_roof_since_year
-        or depth > ROOFS.max_pitched_half_depth_m
-        or height > ROOFS.max_pitched_height_m
-    ):
-        return flat(0.6)
-    if height < 2 * ROOFS.min_wall_m and outline.area > ROOFS.min_hall_area_m2:
-        return flat(0.5)
-    if not attached and outline.area < ROOFS.max_house_area_m2 and height < ROOFS.max_house_height_m:
-        return sloped("gabled", ROOFS.house_pitch_range_deg, ROOFS.max_row_roof_m, 0.5)
-    confidence = 0.5 if attached else 0.4
-    if two < ROOFS.mansard_share and depth >= ROOFS.min_mansard_half_depth_m:
-        return Roof("mansard", ROOFS.mansard_roof_m, pitch=ROOFS.mansard_pitch_deg, confidence=confidence)
-    return sloped(
-        "hipped" if two < ROOFS.mansard_share + ROOFS.hipped_share else "gabled",
-        ROOFS.row_pitch_range_deg,
-        ROOFS.max_row_roof_m,
-        confidence,
-    )
+    def roof_of_row(self) -> Roof:
+        """Return the roof of a house, or of a building in a row along a street."""
+        if not self.is_attached and self.area < ROOFS.max_house_area_m2 and self.height < ROOFS.max_house_height_m:
+            return self.slope("gabled", ROOFS.house_pitch_range_deg, 0.5)
+        confidence, chance = 0.5 if self.is_attached else 0.4, self.chance[1]
+        if chance < ROOFS.mansard_share and self.half_depth >= ROOFS.min_mansard_half_depth_m:
+            return Roof("mansard", ROOFS.mansard_roof_m, pitch=ROOFS.mansard_pitch_deg, confidence=confidence)
+        shape = "hipped" if chance < ROOFS.mansard_share + ROOFS.hipped_share else "gabled"
+        return self.slope(shape, ROOFS.row_pitch_range_deg, confidence)
 
 
 def hash_uniform_pair(building_id: str) -> tuple[float, float]:

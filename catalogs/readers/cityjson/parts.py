@@ -86,39 +86,49 @@ def select_lod_geometries(
     GeometryError
         Where there are no surfaces.
     """
-    root = ids[0]
     levels = {id: _geometries_by_lod(objects[id], templates) for id in ids}
     filled = {kind: [id for id in ids if levels[id] and objects[id]["type"] in kind] for kind in _TYPE_GROUPS}
     body, elements, extras = filled.values()
     if not body:  # a building may consist of constructive elements
         body, extras = (elements, extras) if elements else (extras, [])
-    found = {lod for id in body for lod in levels[id]}
+    solid = _solid_levels({lod for id in body for lod in levels[id]})
+    chosen = _nearest_lod(solid, max(solid) if requested_lod is None else requested_lod)
+    used = _body_levels(body, levels, ids[0], chosen)
+    pieces = [levels[id][lod] for id, lod in used.items()]
+    for id in extras:
+        fit = [lod for lod in levels[id] if requested_lod is None or lod[:1] <= chosen[:1]]
+        pieces += [levels[id][max(fit)]] if fit else []
+    others = [lod for lod in used.values() if requested_lod is not None and lod[: len(requested_lod)] != requested_lod]
+    return pieces, next(iter(others), None)
+
+
+_TYPE_GROUPS = (BUILDING_TYPES, ("BuildingConstructiveElement",), ("BuildingInstallation",))
+
+
+def _solid_levels(found: Collection[Lod]) -> set[Lod]:
+    """Return the levels of detail above 0; GeometryError without one."""
+    solid = {lod for lod in found if lod[:1] != (0,)}
     if not found:
         raise GeometryError("it has no surfaces; give it a geometry, or remove it")
-    solid = {lod for lod in found if lod[:1] != (0,)}
     if not solid:
         raise GeometryError(
             "it has only a footprint (LoD 0); give a model of LoD 1 or higher, or footprints with heights"
         )
-    chosen = _nearest_lod(solid, max(solid) if requested_lod is None else requested_lod)
-    whole = chosen in levels[root]
-    pieces, used = [], []
+    return solid
+
+
+def _body_levels(
+    body: Sequence[str], levels: Mapping[str, Mapping[Lod, list[JsonObject]]], root: str, chosen: Lod
+) -> dict[str, Lod]:
+    """Return the level of each object of a building; without those that the geometry of the others includes."""
+    used = {}
     for id in body:
         own = {lod for lod in levels[id] if lod[:1] != (0,)}
-        if not own or (chosen not in own and (whole or id == root)):
-            continue  # the geometry of the other objects includes it
-        lod = chosen if chosen in own else _nearest_lod(own, chosen)
-        pieces.append(levels[id][lod])
-        used.append(lod)
-    for id in extras:
-        fit = [lod for lod in levels[id] if requested_lod is None or lod[:1] <= chosen[:1]]
-        pieces += [levels[id][max(fit)]] if fit else []
-    return pieces, next(
-        (lod for lod in used if requested_lod is not None and lod[: len(requested_lod)] != requested_lod), None
-    )
-
-
-_TYPE_GROUPS = (BUILDING_TYPES, ("BuildingConstructiveElement",), ("BuildingInstallation",))
+        if chosen in own:
+            used[id] = chosen
+        elif own and id != root and chosen not in levels[root]:
+            used[id] = _nearest_lod(own, chosen)
+    return used
 
 
 def _nearest_lod(lods: Collection[Lod], requested: Lod) -> Lod:

@@ -8,13 +8,16 @@ from __future__ import annotations
 import io
 import json
 import struct
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from catalogs.features import Remark
 from catalogs.reader_errors import is_system_error, short_message
 from catalogs.readers.meshes.gltf_materials import (
+    BaseColourTexture,
     base_colour,
     base_colour_texture,
     check_extensions,
@@ -34,13 +37,41 @@ from catalogs.readers.referenced_files import (
     is_outside_folder,
 )
 from catalogs.readers.settings import LIMITS, MODELS
+from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
 from facade_core.core.regular_files import MAX_MODEL_BYTES, read_regular
 
+if TYPE_CHECKING:
+    from trimesh import Trimesh
+
 OTHER_SCENES_REASON = (
     "scenes of glTF files: the default one read, or the first; export the others as files of their own"
 )
+_EMBEDDED_REASON = (
+    "models whose pictures are inside the glTF file, of another format or absent: read without; save the pictures as PNG, "
+    "JPEG or WebP beside it"
+)
+_UNPLACED_REASON = "models whose pictures have no texture coordinates: read without"
+_NO_FACES_REASON = "models whose points and lines are not read"
+_MULTIPLIED_REASON = "models whose pictures are to be multiplied by a colour (baseColorFactor): read without it"
+_VERTEX_COLOUR_REASON = "models with a colour at each vertex (COLOR_0): read without it; bake it into a picture"
+_UNREPEATED_REASON = "models whose pictures end or are mirrored at their borders (sampler): repeated there"
+_REPEATED_REASON = "buildings of {file} numbered since another has their id"
+# In the order of the remarks.
+_SCENE_REASONS = (
+    _EMBEDDED_REASON,
+    _UNPLACED_REASON,
+    _NO_FACES_REASON,
+    _MULTIPLIED_REASON,
+    _VERTEX_COLOUR_REASON,
+    _UNREPEATED_REASON,
+    OUTSIDE_FOLDER_REASON,
+    NO_FILE_REASON,
+    _REPEATED_REASON,
+)
+# Number of a node, number of its mesh, and one primitive of that.
+_Primitive: TypeAlias = tuple[int, int, JsonObject]
 _PLACEHOLDER_NAMES = frozenset(("", "world", "scene", "root", "rootnode"))
 
 
@@ -85,85 +116,116 @@ def _read_scene(
     origin = np.asarray(scene.metadata.get("origin", (0.0, 0.0, 0.0)), np.float64)
     if origin.shape != (3,) or not np.isfinite(origin).all():
         raise InputError(f"{path}: the scene's extras state the origin {origin.tolist()}; give three numbers")
-    parents = {child: index for index, node in enumerate(header["nodes"]) for child in node.get("children", [])}
+    reader = _SceneReader(path, header)
     surfaces: list[MeshSurface] = []
-    pictures: list[Path] = []
-    embedded, refused, unplaced, skipped = set(), set(), set(), set()
-    drawn: dict[tuple[str, int], dict[int, int]] = {}  # number of each node that draws one mesh under one name
-    repeated: set[str] = set()
-    multiplied, vertex_coloured, unreadable, unrepeated = set(), set(), set(), set()
     for node in sorted(scene.graph.nodes_geometry, key=int):
         transform, geometry = scene.graph[node]
         mesh = scene.geometry[geometry]
-        owner, mesh_index, primitive = primitives[int(node)]
-        names = _primitive_names(header, owner, mesh_index, parents)
         if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
-            skipped.add(_building_name(names) or path.stem)
-            continue
-        material = header_item(header, "materials", primitive.get("material"))
+            reader.note(_NO_FACES_REASON, _building_name(reader.names(primitives[int(node)])))
+        elif (surface := reader.read_surface(mesh, primitives[int(node)])) is not None:
+            vertices = (surface.corners @ transform[:3, :3].T + transform[:3, 3]) @ Z_UP_FROM_Y_UP.T + origin
+            surfaces.append(replace(surface, corners=vertices[mesh.faces]))
+    return surfaces, tuple(reader.pictures), reader.remarks(), stated_frame(header)
+
+
+class _SceneReader:
+    """Surfaces of the primitives of a glTF, the pictures that they use, and what is not read of them."""
+
+    def __init__(self, path: Path, header: JsonObject) -> None:
+        self.path, self.header = path, header
+        self.pictures: list[Path] = []
+        nodes = enumerate(header["nodes"])
+        self._parents = {child: index for index, node in nodes for child in node.get("children", [])}
+        self._drawn: dict[
+            tuple[str, int], dict[int, int]
+        ] = {}  # number of each node that draws one mesh under one name
+        self._notes: dict[str, set[str]] = {reason: set() for reason in _SCENE_REASONS}
+
+    def names(self, place: _Primitive) -> list[str]:
+        """Return the names of a primitive: of its node and those above it, and of its mesh."""
+        owner, mesh_index, _ = place
+        return _primitive_names(self.header, owner, mesh_index, self._parents)
+
+    def note(self, reason: str, name: str | None) -> None:
+        """Note a building, or the file, for a reason."""
+        self._notes[reason].add(name or self.path.stem)
+
+    def read_surface(self, mesh: Trimesh, place: _Primitive) -> MeshSurface | None:
+        """Return the surface of a primitive, its corners (n, 3) per vertex; None for an interior."""
+        names, primitive = self.names(place), place[2]
         if any(is_interior_class(name.partition("|")[2] or name) for name in names[:1]):
-            continue
-        building = _building_name(names)
-        if building is not None and building in _own_names(header, owner, mesh_index):
-            owners = drawn.setdefault((building, mesh_index), {})
-            if number := owners.setdefault(owner, len(owners)):
-                building = f"{building}-{number + 1}"
-                repeated.add(building)
-        texture = base_colour_texture(header, material)
-        uri = texture.uri if texture else None
-        picture = find_referenced_file(path, *filename_variants(uri)) if uri else None
-        if uri and picture is None and is_outside_folder(path, *filename_variants(uri)):
-            refused.add(uri)
-        elif uri and picture is None and is_no_file(path, *filename_variants(uri)):
-            unreadable.add(uri)
-        elif uri is not None and picture is None:
-            embedded.add(building or path.stem)
-        if picture is not None and picture not in pictures:
-            pictures.append(picture)
-        coordinates = mesh.vertex_attributes.get("_UV")
-        uv = None
-        if texture is not None and picture is not None and coordinates is not None:
-            attribute = f"TEXCOORD_{texture.coordinate_set}"
-            uv = texture.apply_transform(
-                decode_normalized(header, primitive["attributes"][attribute], np.asarray(coordinates))
-            )
-            if not texture.repeats and exceeds_picture(uv):
-                unrepeated.add(building or path.stem)
-        elif picture is not None:
-            unplaced.add(building or path.stem)
+            return None
+        material = header_item(self.header, "materials", primitive.get("material"))
+        building = self._number_building(_building_name(names), place)
+        texture = base_colour_texture(self.header, material)
+        picture = self._find_picture(texture, building)
+        uv = None if picture is None else self._read_uv(mesh, primitive, texture, building)
         colour = base_colour(material)
         if uv is not None and colour is not None:
-            multiplied.add(building or path.stem)
+            self.note(_MULTIPLIED_REASON, building)
         elif "COLOR_0" in primitive["attributes"]:
-            vertex_coloured.add(building or path.stem)
-        corners = decode_normalized(header, primitive["attributes"]["POSITION"], mesh.vertices)
-        vertices = (corners @ transform[:3, :3].T + transform[:3, 3]) @ Z_UP_FROM_Y_UP.T + origin
-        surfaces.append(
-            MeshSurface(
-                building=building,
-                semantic=semantic_from_names(*(_surface_kind(name) for name in names), material.get("name")),
-                corners=vertices[mesh.faces],
-                texture=-1 if picture is None or uv is None else pictures.index(picture),
-                uv=None if uv is None else (uv * (1.0, -1.0) + (0.0, 1.0))[mesh.faces],
-                colour=colour if uv is None else None,
-            )
+            self.note(_VERTEX_COLOUR_REASON, building)
+        return MeshSurface(
+            building=building,
+            semantic=semantic_from_names(*(_surface_kind(name) for name in names), material.get("name")),
+            corners=decode_normalized(self.header, primitive["attributes"]["POSITION"], mesh.vertices),
+            texture=-1 if picture is None or uv is None else self.pictures.index(picture),
+            uv=None if uv is None else (uv * (1.0, -1.0) + (0.0, 1.0))[mesh.faces],
+            colour=colour if uv is None else None,
         )
-    reasons = {
-        "models whose pictures are inside the glTF file, of another format or absent: read without; "
-        "save the pictures as PNG, JPEG or WebP beside it": embedded,
-        "models whose pictures have no texture coordinates: read without": unplaced,
-        "models whose points and lines are not read": skipped,
-        "models whose pictures are to be multiplied by a colour (baseColorFactor): read without it": multiplied,
-        "models with a colour at each vertex (COLOR_0): read without it; bake it into a picture": vertex_coloured,
-        "models whose pictures end or are mirrored at their borders (sampler): repeated there": unrepeated,
-        OUTSIDE_FOLDER_REASON: refused,
-        NO_FILE_REASON: unreadable,
-        f"buildings of {path.name} numbered since another has their id": repeated,
-    }
-    remarks = [Remark(name, reason, None) for reason, names in reasons.items() for name in sorted(names)]
-    if len(scenes := header.get("scenes", [])) > 1:
-        remarks.append(Remark(f"{len(scenes)} in {path.name}", OTHER_SCENES_REASON, None))
-    return surfaces, tuple(pictures), remarks, stated_frame(header)
+
+    def remarks(self) -> list[Remark]:
+        """Return the remarks on the file."""
+        found = [
+            Remark(name, reason.format(file=self.path.name), None)
+            for reason, names in self._notes.items()
+            for name in sorted(names)
+        ]
+        if len(scenes := self.header.get("scenes", [])) > 1:
+            found.append(Remark(f"{len(scenes)} in {self.path.name}", OTHER_SCENES_REASON, None))
+        return found
+
+    def _number_building(self, building: str | None, place: _Primitive) -> str | None:
+        """Return the name of a building, with a number for the second and further nodes that draw its mesh."""
+        owner, mesh_index, _ = place
+        if building is None or building not in _own_names(self.header, owner, mesh_index):
+            return building
+        owners = self._drawn.setdefault((building, mesh_index), {})
+        if number := owners.setdefault(owner, len(owners)):
+            building = f"{building}-{number + 1}"
+            self.note(_REPEATED_REASON, building)
+        return building
+
+    def _find_picture(self, texture: BaseColourTexture | None, building: str | None) -> Path | None:
+        uri = texture.uri if texture else None
+        if uri is None:
+            return None
+        variants = filename_variants(uri) if uri else ()
+        picture = find_referenced_file(self.path, *variants) if uri else None
+        if picture is None:
+            if uri and is_outside_folder(self.path, *variants):
+                self.note(OUTSIDE_FOLDER_REASON, uri)
+            elif uri and is_no_file(self.path, *variants):
+                self.note(NO_FILE_REASON, uri)
+            else:
+                self.note(_EMBEDDED_REASON, building)
+        elif picture not in self.pictures:
+            self.pictures.append(picture)
+        return picture
+
+    def _read_uv(
+        self, mesh: Trimesh, primitive: JsonObject, texture: BaseColourTexture | None, building: str | None
+    ) -> Float64Array | None:
+        coordinates = mesh.vertex_attributes.get("_UV")
+        if texture is None or coordinates is None:
+            self.note(_UNPLACED_REASON, building)
+            return None
+        stored = primitive["attributes"][f"TEXCOORD_{texture.coordinate_set}"]
+        uv = texture.apply_transform(decode_normalized(self.header, stored, np.asarray(coordinates)))
+        if not texture.repeats and exceeds_picture(uv):
+            self.note(_UNREPEATED_REASON, building)
+        return uv
 
 
 def _check_counts(path: Path, header: JsonObject) -> None:

@@ -33,6 +33,7 @@ _SWAPPED_PLANE_REASON = "panoramas skipped whose x and y look swapped; x is east
 _DEGREES_REASON = "panoramas skipped whose x and y look like degrees; call them lon and lat"
 _ZONE_STEP = 1e6  # m; number of a zone in front of an easting
 _ZONE_REASON = "panoramas skipped whose x begins with the number of a zone; take it off, or state the crs that has it"
+_MAGNETIC_REASON = "panoramas whose heading from magnetic north is taken as true"
 _FOREIGN_POSE_REASON = "panoramas without a heading in {file}, place and heading taken from the pictures themselves"
 
 
@@ -92,59 +93,77 @@ def read_panoramas(
     """
     paths, unreadable = list_images(folder, "panorama")
     stated = read_poses_file(poses) if poses else PosesFile({})
-    sources = _match_letter_case(stated.poses, paths)
-    faults, remarks, items = list(unreadable), list(stated.remarks), []
-    frames: dict[str | None, Transformer] = {}
-    known: dict[str, Path] = {}
-    same_size: dict[int, list[Path]] = {}
-    posed = 0
+    reader = _PanoramaReader(poses, _match_letter_case(stated.poses, paths), crs, bounds)
+    reader.faults += unreadable
+    reader.remarks += stated.remarks
     for path in paths:
-        first = known.setdefault(path.stem, path)
-        if first != path:
-            reason = f"{path.name} and {first.name} have one name; rename or remove one"
-            faults.append(Fault(path.name, "panorama", reason))
-            continue
         try:
-            view, source, magnetic, taken = read_panorama_metadata(path)
-            source = _stated_pose(sources, path) or source
-            if source is None or source.heading is None:
-                raise ValueError(_missing_pose_reason(source, poses, _find_entry(sources, path)))
-            pose = project_pose(source, view, crs, frames)
+            reader.read(path)
         except ValueError as error:
-            faults.append(Fault(path.name, "panorama", to_single_line(str(error))))
-            continue
+            reader.faults.append(Fault(path.name, "panorama", to_single_line(str(error))))
         except Exception as error:  # libraries raise errors of any class
-            faults.append(Fault(path.name, "panorama", fault_reason(error, "mend its pose, or remove it")))
-            continue
-        posed += 1
-        if not math.isfinite(pose.x + pose.y) or (
-            bounds and distance_outside(pose, bounds) > PICTURES.max_panorama_distance_m
-        ):
-            remarks.append(Remark(path.stem, _distant_reason(source, view, crs, frames, bounds), None))
-            continue
-        alike = same_size.setdefault(path.stat().st_size, [])
-        if twin := next((one for one in alike if file_digest(one) == file_digest(path)), None):
-            faults.append(
-                Fault(path.name, "panorama", f"is the same picture as {twin.name}; remove one, or mend its file")
-            )
-            continue
-        alike.append(path)
-        if _stated_pose(sources, path) is None:
-            remarks += [Remark(path.stem, reason, None) for reason in source.remarks]
-            if magnetic:
-                remarks.append(Remark(path.stem, "panoramas whose heading from magnetic north is taken as true", None))
-        if poses and isinstance(entry := _find_entry(sources, path), SourcePose):
-            lacking = [] if entry.heading is not None else [_FOREIGN_POSE_REASON.format(file=poses.name)]
-            remarks += [Remark(path.stem, reason, None) for reason in (*entry.remarks, *lacking)]
-        items.append(PosedPanorama(path.stem, path, pose, source.captured or taken))
-    if not posed:
+            reader.faults.append(Fault(path.name, "panorama", fault_reason(error, "mend its pose, or remove it")))
+    faults, items = reader.faults, reader.items
+    if not reader.posed:
         remedy = "; ".join(format_unit_reason(fault.id, fault.reason) for fault in faults[:3])
         raise InputError(f"{folder} holds no panorama that can be used: {remedy}")
-    if poses and not any(_find_entry(sources, path) for path in paths):
-        example = next(iter(sources))
+    if poses and not any(_find_entry(reader.sources, path) for path in paths):
+        example = next(iter(reader.sources))
         reason = f"none of the pictures it names (e.g. {example}) is in {folder}; name files as they are there"
         faults.append(Fault(poses.name, "panorama", f"{poses.name}: {reason}"))
-    return PosedPanoramas(tuple(items), tuple(faults), (*remarks, *outdated_remarks(items)))
+    return PosedPanoramas(tuple(items), tuple(faults), (*reader.remarks, *outdated_remarks(items)))
+
+
+class _PanoramaReader:
+    """Panoramas of a folder so far, with their faults and remarks."""
+
+    def __init__(
+        self,
+        poses: Path | None,
+        sources: dict[str, SourcePose | str],
+        crs: CRS,
+        bounds: tuple[float, float, float, float] | None,
+    ) -> None:
+        self.poses, self.sources, self._crs, self._bounds = poses, sources, crs, bounds
+        self.items: list[PosedPanorama] = []
+        self.faults: list[Fault] = []
+        self.remarks: list[Remark] = []
+        self.posed = 0
+        self._frames: dict[str | None, Transformer] = {}
+        self._known: dict[str, Path] = {}
+        self._same_size: dict[int, list[Path]] = {}
+
+    def read(self, path: Path) -> None:
+        """Read one picture; ValueError where it cannot be used."""
+        first = self._known.setdefault(path.stem, path)
+        if first != path:
+            raise ValueError(f"{path.name} and {first.name} have one name; rename or remove one")
+        view, source, magnetic, taken = read_panorama_metadata(path)
+        stated, entry = _stated_pose(self.sources, path), _find_entry(self.sources, path)
+        source = stated or source
+        if source is None or source.heading is None:
+            raise ValueError(_missing_pose_reason(source, self.poses, entry))
+        pose = project_pose(source, view, self._crs, self._frames)
+        self.posed += 1
+        if self._is_distant(pose):
+            reason = _distant_reason(source, view, self._crs, self._frames, self._bounds)
+            self.remarks.append(Remark(path.stem, reason, None))
+            return
+        alike = self._same_size.setdefault(path.stat().st_size, [])
+        if twin := next((one for one in alike if file_digest(one) == file_digest(path)), None):
+            raise ValueError(f"is the same picture as {twin.name}; remove one, or mend its file")
+        alike.append(path)
+        reasons = [] if stated is not None else [*source.remarks, *([_MAGNETIC_REASON] if magnetic else [])]
+        if self.poses and isinstance(entry, SourcePose):
+            reasons += entry.remarks
+            reasons += [] if entry.heading is not None else [_FOREIGN_POSE_REASON.format(file=self.poses.name)]
+        self.remarks += [Remark(path.stem, reason, None) for reason in reasons]
+        self.items.append(PosedPanorama(path.stem, path, pose, source.captured or taken))
+
+    def _is_distant(self, pose: Pose) -> bool:
+        if not math.isfinite(pose.x + pose.y):
+            return True
+        return self._bounds is not None and distance_outside(pose, self._bounds) > PICTURES.max_panorama_distance_m
 
 
 def _match_letter_case(poses: Mapping[str, SourcePose | str], paths: Sequence[Path]) -> dict[str, SourcePose | str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -39,46 +40,66 @@ def tags_from_records(
     columns : field by known column name.
     units : units of the columns.
     """
-    present = {tag: [(name, columns[name]) for name in names if name in columns] for tag, names in TAG_COLUMNS.items()}
-    more = [columns[name] for name in EXTRA_TAG_COLUMNS if name in columns]
-    classes = [columns[name] for name in CLASS_COLUMNS if name in columns]
-    levels = [
-        [columns[name] for name in names if name in columns] for names in (ROOF_LEVEL_COLUMNS, GROUND_LEVEL_COLUMNS)
-    ]
-    levels = levels if all(levels) else []
-    grounds = [(name, columns[name]) for name in GROUND_COLUMNS if name in columns]
+    layer = _LayerColumns(
+        {tag: [(name, columns[name]) for name in names if name in columns] for tag, names in TAG_COLUMNS.items()},
+        [columns[name] for name in EXTRA_TAG_COLUMNS if name in columns],
+        [columns[name] for name in CLASS_COLUMNS if name in columns],
+        [columns[name] for name in ROOF_LEVEL_COLUMNS if name in columns],
+        [columns[name] for name in GROUND_LEVEL_COLUMNS if name in columns],
+        [(name, columns[name]) for name in GROUND_COLUMNS if name in columns],
+        units,
+    )
     result = []
     for record in records:
-        tags: dict[str, str] = {}
-        for field in more:
-            tags |= _parse_tags(record[field])
-        for tag, sources in present.items():
-            for name, field in sources:
-                if text := cell_text(record[field]):
-                    tags[tag] = (
-                        text
-                        if tag == "height" and is_unknown_code(text)
-                        else units.to_metres(text, name)
-                        if tag in LENGTH_TAGS
-                        else _primary_name(text)
-                        if tag == "name"
-                        else text
-                    )
-                    break
-        if stated := [text for field in classes if (text := cell_text(record[field]))]:
-            tags["class"] = "\n".join(stated)
+        tags = layer.read_tags(record)
         if "fclass" in columns and tags.get("oneway") in _ONE_WAY_CODES:
             tags["oneway"] = "yes"
-        if (
-            "height" not in tags
-            and levels
-            and (found := _height_above_ground(record, levels[0], levels[1], units.metres_per_unit("")))
-        ):
-            tags["height"], tags["ground"] = found
-        if "ground" not in tags and (ground := _ground_height(record, grounds, units)):
-            tags["ground"] = ground
-        result.append(tags)
+        result.append(layer.add_heights(record, tags))
     return result
+
+
+@dataclass(frozen=True, slots=True)
+class _LayerColumns:
+    """Known columns of a layer: (name, field) of each tag and of ground heights, fields of the others."""
+
+    tags: Mapping[str, Sequence[tuple[str, str]]]
+    extras: Sequence[str]
+    classes: Sequence[str]
+    roof_levels: Sequence[str]
+    ground_levels: Sequence[str]
+    grounds: Sequence[tuple[str, str]]
+    units: ColumnUnits
+
+    def read_tags(self, record: Mapping[str, object]) -> dict[str, str]:
+        """Return the tags that a record states in columns of their own, or in one of all tags."""
+        tags: dict[str, str] = {}
+        for field in self.extras:
+            tags |= _parse_tags(record[field])
+        for tag, sources in self.tags.items():
+            for name, field in sources:
+                if text := cell_text(record[field]):
+                    tags[tag] = self._read_tag(tag, name, text)
+                    break
+        if stated := [text for field in self.classes if (text := cell_text(record[field]))]:
+            tags["class"] = "\n".join(stated)
+        return tags
+
+    def _read_tag(self, tag: str, name: str, text: str) -> str:
+        if tag == "height" and is_unknown_code(text):
+            return text
+        if tag in LENGTH_TAGS:
+            return self.units.to_metres(text, name)
+        return _primary_name(text) if tag == "name" else text
+
+    def add_heights(self, record: Mapping[str, object], tags: dict[str, str]) -> dict[str, str]:
+        """Return the tags with a height by levels above the datum, and with the height of the ground."""
+        if "height" not in tags and self.roof_levels and self.ground_levels:
+            unit = self.units.metres_per_unit("")
+            if found := _height_above_ground(record, self.roof_levels, self.ground_levels, unit):
+                tags["height"], tags["ground"] = found
+        if "ground" not in tags and (ground := _ground_height(record, self.grounds, self.units)):
+            tags["ground"] = ground
+        return tags
 
 
 def assumed_units(tags: Sequence[Mapping[str, str]], columns: Mapping[str, str], units: ColumnUnits) -> list[str]:
@@ -138,7 +159,7 @@ def cell_text(value: object) -> str:
 
 
 def _height_above_ground(
-    record: Mapping[str, object], roofs: list[str], grounds: list[str], unit: float
+    record: Mapping[str, object], roofs: Sequence[str], grounds: Sequence[str], unit: float
 ) -> tuple[str, str] | None:
     """Return the height above the ground and the height of the ground, from heights above the datum."""
     roof, ground = (
