@@ -109,41 +109,39 @@ def _extrude_part(
     """Return a part from its lower end to its eaves; an empty list where it has no height."""
     building, stated = part.building, part.footprint
     low = stated.min_height or round((stated.min_level or 0.0) * floor_height, 2)
-    height, source = low + floor_height, "default"
-    if stated.height is not None:
-        height, source = stated.height, "height"
-    elif stated.levels is not None:
-        height, source = round(stated.levels * floor_height, 2), "levels"
-    elif whole is not None and whole.height >= height:
-        height, source = whole.height, whole.height_source
-    roof = building.roof
-    if height < low + PARTS.min_part_wall_m and roof is not None and roof.height > 0:
-        top, height = height + roof.height, low + PARTS.min_part_wall_m
+    height, source = _part_height(stated, whole, low + floor_height, floor_height)
+    lowest, roof = low + PARTS.min_part_wall_m, building.roof
+    if height < lowest and roof is not None and roof.height > 0:
+        top, height = height + roof.height, lowest
         roof = replace(roof, height=round(top - height, 2)) if source == "height" else roof
-    if height < low + PARTS.min_part_wall_m:
+    if height < lowest:
         reasons["parts of buildings that end no higher than they begin set aside"].append(building.id)
         return []
-    if whole is None and roof is None:
-        roof = Roof("flat", 0.0, confidence=PARTS.flat_roof_confidence)
-    levels = stated.levels
-    finish, name = building.finish, building.name
-    if whole is not None:
-        finish = _complete_finish(finish, whole.finish)
-        name = name or whole.name
+    levels = max(1, int(stated.levels - (stated.min_level or 0.0))) if stated.levels else None
+    extruded = replace(building, height=round(height, 2), height_source=source, levels=levels, roof=roof, raised=low)
+    if whole is None:
+        flat = Roof("flat", 0.0, confidence=PARTS.flat_roof_confidence)
+        return [replace(extruded, roof=roof or flat, part_of=None)]
     return [
         replace(
-            building,
-            height=round(height, 2),
-            height_source=source,
-            levels=max(1, int(levels - (stated.min_level or 0.0))) if levels else None,
-            name=name,
-            roof=roof,
-            finish=finish,
-            base=building.base if whole is None or building.base is not None else whole.base,
-            raised=low,
-            part_of=None if whole is None else whole.id,
+            extruded,
+            name=building.name or whole.name,
+            finish=_complete_finish(building.finish, whole.finish),
+            base=whole.base if building.base is None else building.base,
+            part_of=whole.id,
         )
     ]
+
+
+def _part_height(stated: Footprint, whole: Building | None, lowest: float, floor_height: float) -> tuple[float, str]:
+    """Return the height of a part and its source: stated, by its storeys, that of its building, or one storey."""
+    if stated.height is not None:
+        return stated.height, "height"
+    if stated.levels is not None:
+        return round(stated.levels * floor_height, 2), "levels"
+    if whole is not None and whole.height >= lowest:
+        return whole.height, whole.height_source
+    return lowest, "default"
 
 
 def _complete_finish(own: BuildingFinish, whole: BuildingFinish) -> BuildingFinish:

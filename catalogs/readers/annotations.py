@@ -98,22 +98,12 @@ def _read_file(path: Path, facades: dict[str, str]) -> list[Annotation]:
         return _read_geopackage(path)
     try:
         if path.suffix.lower() == ".jsonl":
-            lines = read_regular(path).split(b"\n")
-            documents = (
-                parse_json_object(line, f"{path}: line {number}")
-                for number, line in enumerate(lines, 1)
-                if line.strip()
-            )
+            lines = enumerate(read_regular(path).split(b"\n"), 1)
+            documents = (parse_json_object(line, f"{path}: line {number}") for number, line in lines if line.strip())
             return [annotation for document in documents for annotation in _parse_cityjson(document)]
         document = load_json(path, MAX_TEXT_BYTES)
-        if isinstance(document, dict) and document.get("type") == "CityJSON":
-            return list(_parse_cityjson(document))
-        if isinstance(document, dict) and {"images", "annotations"} <= document.keys():
-            return _parse_coco(document, facades)
-        if isinstance(document, dict) and "shapes" in document:
-            return [_parse_labelme(document, facades)]
-        if isinstance(document, dict) and isinstance(document.get("corrections"), list):
-            return parse_correction_annotations(document["corrections"], str(path))
+        if isinstance(document, dict) and (found := _parse_document(document, facades, str(path))) is not None:
+            return found
     except (
         KeyError,
         TypeError,
@@ -128,6 +118,19 @@ def _read_file(path: Path, facades: dict[str, str]) -> list[Annotation]:
     raise InputError(
         f'{path} is neither COCO nor LabelMe nor CityJSON, nor {{"corrections": [...]}}; catalogs/README.md shows each'
     )
+
+
+def _parse_document(document: JsonObject, facades: dict[str, str], name: str) -> list[Annotation] | None:
+    """Return the corrections of a JSON object; None where it is of no known kind."""
+    if document.get("type") == "CityJSON":
+        return list(_parse_cityjson(document))
+    if {"images", "annotations"} <= document.keys():
+        return _parse_coco(document, facades)
+    if "shapes" in document:
+        return [_parse_labelme(document, facades)]
+    if isinstance(document.get("corrections"), list):
+        return parse_correction_annotations(document["corrections"], name)
+    return None
 
 
 def parse_correction_annotations(corrections: Sequence[object], source_name: str) -> list[Annotation]:

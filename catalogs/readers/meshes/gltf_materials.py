@@ -80,27 +80,32 @@ class BaseColourTexture:
 def check_extensions(path: Path, header: JsonObject) -> None:
     """Raise InputError where a file needs an extension or a kind of geometry that is not read."""
     used, required = ({*map(str, header.get(key) or [])} for key in ("extensionsUsed", "extensionsRequired"))
-    if packed := sorted(_COMPRESSION_EXTENSIONS & (used | required)):
-        raise InputError(f"{path} is compressed ({', '.join(packed)}); export it without compression")
-    unknown = required - _SUPPORTED_EXTENSIONS
-    if _EARTH_CENTRE in used | required:
-        raise InputError(
-            f"{path} is placed from the centre of the Earth ({_EARTH_CENTRE}), as 3D Tiles are; export it in a projected frame"
-        )
-    if any(_INSTANCING in node.get("extensions", {}) for node in header.get("nodes", [])):
-        unknown.add(_INSTANCING)
-    if unknown:
-        raise InputError(f"{path} needs {', '.join(sorted(unknown))}, which is not read; export it without")
-    primitives = [primitive for mesh in header.get("meshes", []) for primitive in mesh["primitives"]]
-    weights = [item.get("weights") or [] for key in ("meshes", "nodes") for item in header.get(key, [])]
-    if any(primitive.get("targets") for primitive in primitives) and any(map(any, weights)):
-        raise InputError(f"{path} has morph targets, which are not read; export the shape that is meant")
-    if any("skin" in node for node in header.get("nodes", [])):
-        raise InputError(f"{path} has skins, which are not read; export the shape that is meant")
-    if any(primitive.get("mode") == _TRIANGLE_FAN for primitive in primitives):
-        raise InputError(f"{path} has triangle fans, which are not read; export it as triangles")
-    if any("sparse" in accessor for accessor in header.get("accessors", [])):
-        raise InputError(f"{path} has sparse accessors, which are not read; export it without")
+    nodes, meshes = header.get("nodes", []), header.get("meshes", [])
+    primitives = [primitive for mesh in meshes for primitive in mesh["primitives"]]
+    packed = sorted(_COMPRESSION_EXTENSIONS & (used | required))
+    unknown = required - _SUPPORTED_EXTENSIONS - {_EARTH_CENTRE}
+    unknown |= {_INSTANCING for node in nodes if _INSTANCING in node.get("extensions", {})}
+    has_targets = any(primitive.get("targets") for primitive in primitives)
+    problems = {
+        f"is compressed ({', '.join(packed)}); export it without compression": packed,
+        f"is placed from the centre of the Earth ({_EARTH_CENTRE}), as 3D Tiles are; export it in a projected frame": (
+            _EARTH_CENTRE in used | required
+        ),
+        f"needs {', '.join(sorted(unknown))}, which is not read; export it without": unknown,
+        "has morph targets, which are not read; export the shape that is meant": (
+            has_targets and any(any(item.get("weights") or []) for item in (*meshes, *nodes))
+        ),
+        "has skins, which are not read; export the shape that is meant": any("skin" in node for node in nodes),
+        "has triangle fans, which are not read; export it as triangles": any(
+            primitive.get("mode") == _TRIANGLE_FAN for primitive in primitives
+        ),
+        "has sparse accessors, which are not read; export it without": any(
+            "sparse" in accessor for accessor in header.get("accessors", [])
+        ),
+    }
+    for problem, is_found in problems.items():
+        if is_found:
+            raise InputError(f"{path} {problem}")
 
 
 def decode_normalized(header: JsonObject, index: int, values: AnyArray) -> Float64Array:

@@ -22,13 +22,6 @@ COMPANION_SUFFIXES = frozenset(
     )
 )  # fmt: skip
 _COMPANION_NAMES = frozenset(("license", "licence", "copying", "readme", "authors", "notice"))
-_RAW_SUFFIXES = frozenset(
-    (
-        ".dng", ".raw", ".cr2", ".cr3", ".crw", ".nef", ".nrw", ".arw", ".srf", ".sr2", ".orf", ".rw2", ".raf",
-        ".pef", ".srw", ".3fr", ".iiq", ".gpr", ".x3f", ".erf",
-    )
-)  # fmt: skip
-_MOVIE_SUFFIXES = frozenset((".mp4", ".mov", ".avi", ".mkv", ".m4v", ".mts", ".insv", ".360", ".lrv", ".webm"))
 _START_BYTES = 16
 _HEIF_BRANDS = frozenset((b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1"))
 # First bytes of the formats that are read -> format and suffix.
@@ -66,17 +59,9 @@ def unread_reason(path: Path) -> str | None:
     if name.startswith(".") or name.endswith(LABEL_MAP_SUFFIX) or is_picture_name(name):
         return None
     if path.is_dir():
-        try:
-            inside = any(is_picture_name(inner.name) for inner in path.iterdir())
-        except OSError as error:
-            return f"{name} is a folder that cannot be read ({error.strerror}); check its permissions, or remove it"
-        return f"{name} is a folder, whose pictures are not read; move them up, or remove it" if inside else None
+        return _unread_folder_reason(path)
     if suffix in HEIF_SUFFIXES:
         return f"{name} is HEIC, which is not read here; {HEIF_REMEDY}"
-    if suffix in _RAW_SUFFIXES:
-        return f"{name} is a raw file of a camera, which is not read; develop it and save it as JPEG or TIFF"
-    if suffix in _MOVIE_SUFFIXES:
-        return f"{name} is a film, which is not read; save its pictures as JPEG"
     if suffix in COMPANION_SUFFIXES or path.stem.lower() in _COMPANION_NAMES:
         return None
     start = _first_bytes(path)
@@ -85,10 +70,19 @@ def unread_reason(path: Path) -> str | None:
     found = next((kind for magic, kind in _FORMATS.items() if start.startswith(magic)), None)
     if start[:4] == b"RIFF" and start[8:12] == b"WEBP":
         found = ("WEBP", ".webp")
-    if found is not None:
-        return f"{name} is {found[0]} under another name; rename it to {path.stem or name}{found[1]}"
-    kind = f"of the kind {suffix}" if suffix else "without a suffix"
-    return f"{name} is {kind}, which is not read; save it as JPEG or PNG, or remove it"
+    if found is None or (found[0] == "TIFF" and suffix):  # raw files of cameras are TIFF too
+        kind = f"of the kind {suffix}" if suffix else "without a suffix"
+        return f"{name} is {kind}, which is not read; save it as JPEG or PNG, or remove it"
+    return f"{name} is {found[0]} under another name; rename it to {path.stem or name}{found[1]}"
+
+
+def _unread_folder_reason(path: Path) -> str | None:
+    """Return the reason why the pictures of a folder in a folder are not read; None without pictures."""
+    try:
+        inside = any(is_picture_name(inner.name) for inner in path.iterdir())
+    except OSError as error:
+        return f"{path.name} is a folder that cannot be read ({error.strerror}); check its permissions, or remove it"
+    return f"{path.name} is a folder, whose pictures are not read; move them up, or remove it" if inside else None
 
 
 def _first_bytes(path: Path) -> bytes:

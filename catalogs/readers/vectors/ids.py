@@ -34,23 +34,12 @@ def assign_ids(records: list[dict[str, object]], columns: Mapping[str, str]) -> 
     ids : id of each record.
     remarks : remark by id.
     """
-    kind = next((columns[name] for name in ELEMENT_TYPE_COLUMNS if name in columns), None)
     nearly: tuple[list[str], str] | None = None
     stated = False
     for name in ID_COLUMNS:
         if name not in columns:
             continue
-        texts = []
-        for record in records:
-            text = cell_text(record[columns[name]])
-            if match := _OSM_ID.fullmatch(text):
-                text = f"{match[1][0]}{match[2]}"
-            elif text.isdigit() and kind is not None and name in ("id", "osmid", "osm_id"):
-                text = f"{cell_text(record[kind])[:1].lower()}{text}"
-            elif name == "osm_id" and "osm_way_id" in columns:  # GDAL: osm_id for relations, osm_way_id for ways
-                way = cell_text(record[columns["osm_way_id"]])
-                text = f"r{text}" if text else f"w{way}" if way else ""
-            texts.append(text)
+        texts = [_id_text(record, name, columns) for record in records]
         stated = stated or any(texts)
         if all(texts) and len({*texts}) == len(texts):
             return texts, _inexact_ids(texts, records, columns[name])
@@ -63,6 +52,20 @@ def assign_ids(records: list[dict[str, object]], columns: Mapping[str, str]) -> 
     ids = _make_unique(texts)
     numbered = {id: _NUMBERED_REMARK for id, text in zip(ids, texts, strict=True) if text and id != text}
     return ids, _inexact_ids(ids, records, field) | numbered
+
+
+def _id_text(record: Mapping[str, object], name: str, columns: Mapping[str, str]) -> str:
+    """Return the id that a record states in a known column, with the first letter of its type in OpenStreetMap."""
+    text = cell_text(record[columns[name]])
+    kind = next((columns[known] for known in ELEMENT_TYPE_COLUMNS if known in columns), None)
+    if match := _OSM_ID.fullmatch(text):
+        return f"{match[1][0]}{match[2]}"
+    if text.isdigit() and kind is not None and name in ("id", "osmid", "osm_id"):
+        return f"{cell_text(record[kind])[:1].lower()}{text}"
+    if name != "osm_id" or "osm_way_id" not in columns:
+        return text
+    way = cell_text(record[columns["osm_way_id"]])  # GDAL: osm_id for relations, osm_way_id for ways
+    return f"r{text}" if text else f"w{way}" if way else ""
 
 
 def _inexact_ids(ids: list[str], records: Iterable[Mapping[str, object]], field: str) -> dict[str, str]:

@@ -20,6 +20,7 @@ from catalogs.readers.pictures.cameras.camera_file import (
 from catalogs.readers.pictures.pose_fields import read_field
 from catalogs.readers.pictures.pose_records import PoseRecord, csv_records
 from catalogs.readers.settings import CAMERAS
+from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
 from facade_core.core.types import Lens
@@ -84,22 +85,25 @@ def _camera(record: PoseRecord, crs: str | None) -> tuple[SourceCamera, bool]:
     east, north = (value["lon"], value["lat"]) if uses_lonlat else (value["x"], value["y"])
     if east is None or north is None:
         raise ValueError("neither x and y nor lon and lat are given")
+    centre = check_position([east, north, value["z"] or 0.0])
+    return SourceCamera(centre, _rotation(record, crs), _lens(record), value["z"] is not None), uses_lonlat
+
+
+def _rotation(record: JsonObject, crs: str | None) -> Float64Array:
+    """Return the rotation (3, 3) of omega, phi and kappa, else of heading, pitch and roll."""
     angles = {found[1]: (found[2] or "", record[key]) for key in record if (found := _ANGLE.match(key.strip().lower()))}
     if len(angles) == 3:
-        turns = [_angle(which, *angles[which]) for which in ("omega", "phi", "kappa")]
-        rotation = rotation_from_omega_phi_kappa(*turns)
-    else:
-        heading, pitch, roll = (_number(read_field(record, key, crs), key) for key in ("heading", "pitch", "roll"))
-        if heading is None or pitch is None:
-            raise ValueError("neither omega, phi and kappa nor heading and pitch are given")
-        if abs(pitch) > 90 or abs(heading) > 720 or abs(roll or 0.0) > 360:
-            raise ValueError(
-                f"heading {heading:g}, pitch {pitch:g}, roll {roll or 0:g} are no degrees; where they are radians, "
-                "call the fields heading_rad, pitch_rad, roll_rad"
-            )
-        rotation = rotation_from_heading(heading, pitch, roll or 0.0)
-    centre = check_position([east, north, value["z"] or 0.0])
-    return SourceCamera(centre, rotation, _lens(record), value["z"] is not None), uses_lonlat
+        return rotation_from_omega_phi_kappa(*(_angle(which, *angles[which]) for which in ("omega", "phi", "kappa")))
+    heading, pitch, roll = (_number(read_field(record, key, crs), key) for key in ("heading", "pitch", "roll"))
+    if heading is None or pitch is None:
+        raise ValueError("neither omega, phi and kappa nor heading and pitch are given")
+    roll = roll or 0.0
+    if abs(pitch) > 90 or abs(heading) > 720 or abs(roll) > 360:
+        raise ValueError(
+            f"heading {heading:g}, pitch {pitch:g}, roll {roll:g} are no degrees; where they are radians, "
+            "call the fields heading_rad, pitch_rad, roll_rad"
+        )
+    return rotation_from_heading(heading, pitch, roll)
 
 
 def _angle(name: str, unit: str, value: object) -> float:

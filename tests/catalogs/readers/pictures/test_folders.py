@@ -40,13 +40,9 @@ def test_suffixes_that_are_read(name: str, layout: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "content", "reason"),
     [
-        (
-            "b.dng",
-            b"II*\0",
-            "b.dng is a raw file of a camera, which is not read; develop it and save it as JPEG or TIFF",
-        ),
-        ("b.CR2", b"II*\0", "raw file of a camera"),
-        ("b.mp4", b"", "b.mp4 is a film"),
+        ("b.dng", b"II*\0", "b.dng is of the kind .dng, which is not read; save it as JPEG or PNG, or remove it"),
+        ("b.mp4", b"", "b.mp4 is of the kind .mp4"),
+        ("b.avi", b"RIFF\0\0\0\0AVI ", "of the kind .avi"),
         ("b.psd", b"8BPS", "b.psd is of the kind .psd, which is not read; save it as JPEG or PNG, or remove it"),
         ("b.jxl", b"\xff\x0a", "of the kind .jxl"),
         ("b.jp2", b"\0\0\0\x0cjP  ", "of the kind .jp2"),
