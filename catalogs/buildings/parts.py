@@ -196,19 +196,24 @@ def _subtract_parts(whole: Building, parts: Sequence[Building], floor_height: fl
         covered = shapely.intersection(shapely.union_all([part.footprint for part in over]), left).area
         known, lowest = covered > PARTS.min_covered_share * left.area, min(part.raised for part in over)
         whole = replace(whole, height=min(whole.height, lowest)) if known else whole
-    carried = False
-    for part in over:
-        if (known and whole.height <= part.raised + floor_height) or _border_share(
-            part, whole.footprint
-        ) < PARTS.min_open_border_share:
-            carried = True
-        else:
+    carried = [
+        (known and whole.height <= part.raised + floor_height)
+        or _border_share(part, whole.footprint) < PARTS.min_open_border_share
+        for part in over
+    ]
+    for part, is_carried in zip(over, carried, strict=True):
+        if not is_carried:
             left = shapely.difference(left, part.footprint)
+    return left, _flatten_roof(whole) if any(carried) else whole
+
+
+def _flatten_roof(whole: Building) -> Building:
+    """Return a building with a flat roof in place of an assumed one."""
     roof = whole.roof
-    if carried and roof is not None and roof.confidence < 1:
-        height = whole.height + (roof.height if whole.height_source == "height" else 0.0)
-        whole = replace(whole, height=round(height, 2), roof=Roof("flat", 0.0, confidence=roof.confidence))
-    return left, whole
+    if roof is None or roof.confidence >= 1:
+        return whole
+    height = whole.height + (roof.height if whole.height_source == "height" else 0.0)
+    return replace(whole, height=round(height, 2), roof=Roof("flat", 0.0, confidence=roof.confidence))
 
 
 def _border_share(part: Building, outline: Polygon) -> float:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import zipfile
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from catalogs.crs import parse_crs
-from catalogs.features import BuildingModels, Fault, Remark
+from catalogs.features import BuildingModel, BuildingModels, Fault, Remark
 from catalogs.reader_errors import short_message
 from catalogs.readers.meshes.gltf import read_gltf_surfaces
 from catalogs.readers.meshes.header_comments import read_header_comments
@@ -26,6 +27,9 @@ from catalogs.readers.meshes.up_axis import note_sideways_gltf, turn_up
 from catalogs.readers.settings import LIMITS
 from catalogs.readers.source_keys import NO_SOURCE_KEYS, UP_AXIS_SUFFIXES, SourceKeys
 from facade_core.core.errors import InputError
+
+if TYPE_CHECKING:
+    from pyproj import CRS
 
 
 def read_mesh_buildings(path: Path, lod: str | None = None, keys: SourceKeys = NO_SOURCE_KEYS) -> BuildingModels:
@@ -47,42 +51,57 @@ def read_mesh_buildings(path: Path, lod: str | None = None, keys: SourceKeys = N
     InputError
         Where the file cannot be read or holds no triangle.
     """
-    kind = path.suffix.lower()
     crs: str | None = None
     textures: tuple[Path, ...] = ()
     remarks: list[Remark] = []
     faults: list[Fault] = []
+    kind = path.suffix.lower()
     if kind == ".npz":
         surfaces, crs = _read_npz(path)
     elif kind == ".obj":
         surfaces, textures, remarks, faults = read_obj_surfaces(path)
     elif kind in (".glb", ".gltf"):
         surfaces, textures, remarks, crs = read_gltf_surfaces(path)
+        remarks += note_sideways_gltf(surfaces, path.name)
     else:
         surfaces, remarks = read_plain_mesh(path)
-    frame = None if (keys.crs or crs) is None else parse_crs(keys.crs or crs or "")
+    stated = keys.crs or crs
+    frame = None if stated is None else parse_crs(stated)
     if kind in UP_AXIS_SUFFIXES:
-        stated_up, unit = read_header_comments(path)
-        if unit not in (None, 1.0) and (frame is None or frame.axis_info[0].unit_conversion_factor == 1.0):
-            surfaces = [replace(one, corners=one.corners * unit) for one in surfaces]
-            remarks.append(Remark(path.name, f"mesh files whose comments state units of {unit} m, converted", None))
-        surfaces, turned = turn_up(surfaces, keys.up, path.name, stated_up)
-        remarks += turned
-    elif kind != ".npz":
-        remarks += note_sideways_gltf(surfaces, path.name)
+        surfaces, placed = _place_by_comments(path, surfaces, keys, frame)
+        remarks += placed
     if not any(len(surface.corners) for surface in surfaces) and not faults:
         raise InputError(f"{path} holds no triangles; export the buildings as a mesh")
     check_earth_centred(surfaces, path)
     models, broken = group_into_models(merge_surface_names(surfaces), path.stem, remarks)
     models, others = select_plausible_models(models, path, is_metric=frame is None or not frame.is_geographic)
-    remarks += others
+    models, textures = _drop_unused_textures(models, textures)
+    return BuildingModels(crs, models, textures, (*remarks, *others), (*faults, *broken))
+
+
+def _place_by_comments(
+    path: Path, surfaces: list[MeshSurface], keys: SourceKeys, frame: CRS | None
+) -> tuple[list[MeshSurface], list[Remark]]:
+    """Return the surfaces in metres and with z up, as the comments of the file or its faces show, and the remarks."""
+    stated_up, unit = read_header_comments(path)
+    remarks = []
+    if unit not in (None, 1.0) and (frame is None or frame.axis_info[0].unit_conversion_factor == 1.0):
+        surfaces = [replace(one, corners=one.corners * unit) for one in surfaces]
+        remarks.append(Remark(path.name, f"mesh files whose comments state units of {unit} m, converted", None))
+    surfaces, turned = turn_up(surfaces, keys.up, path.name, stated_up)
+    return surfaces, remarks + turned
+
+
+def _drop_unused_textures(
+    models: tuple[BuildingModel, ...], textures: tuple[Path, ...]
+) -> tuple[tuple[BuildingModel, ...], tuple[Path, ...]]:
     used = sorted({int(index) for model in models for index in np.unique(model.shell.texture)} - {-1})
-    if len(used) < len(textures):
-        number = np.full(len(textures) + 1, -1, np.int32)  # index -1 maps to -1
-        number[used] = np.arange(len(used))
-        models = tuple(replace(m, shell=replace(m.shell, texture=number[m.shell.texture])) for m in models)
-        textures = tuple(textures[index] for index in used)
-    return BuildingModels(crs, models, textures, tuple(remarks), (*faults, *broken))
+    if len(used) == len(textures):
+        return models, textures
+    number = np.full(len(textures) + 1, -1, np.int32)  # index -1 maps to -1
+    number[used] = np.arange(len(used))
+    models = tuple(replace(m, shell=replace(m.shell, texture=number[m.shell.texture])) for m in models)
+    return models, tuple(textures[index] for index in used)
 
 
 def _read_npz(path: Path) -> tuple[list[MeshSurface], str | None]:

@@ -32,17 +32,8 @@ PoseRecord: TypeAlias = JsonObject | Exception
 
 def csv_records(text: str) -> Iterator[tuple[str, PoseRecord]]:
     """Yield the rows of a table with the names of their pictures; a row that is unusable as an error."""
-    lines = text.splitlines()
-    while lines and (not lines[0].strip() or (lines[0].startswith(("#", "sep=")) and not _is_header(lines[0]))):
-        del lines[0]
-    header = lines[0].removeprefix("#") if lines else ""
-    separator = max(",;\t", key=header.count)
-    if separator not in header:
-        separator, header = "\t", "\t".join(header.split())
-        lines = ["\t".join(line.split()) for line in lines]
-    elif separator == "," and "\t" in "".join(lines[1:2]) and "," not in "".join(lines[1:2]):  # as Metashape writes
-        separator, header = "\t", "\t".join(cell.strip() for cell in header.split(","))
-    for row in csv.DictReader([header, *lines[1:]], delimiter=separator):
+    lines, separator = _split_table(text)
+    for row in csv.DictReader(lines, delimiter=separator):
         record = {(key or "").strip(): (value or "").strip() for key, value in row.items() if isinstance(key, str)}
         if separator != ",":
             record = {key: _DECIMAL_COMMA.sub(r"\1.\2", value) for key, value in record.items()}
@@ -54,6 +45,21 @@ def csv_records(text: str) -> Iterator[tuple[str, PoseRecord]]:
             name,
             ValueError("it has more cells than the header; quote those with a separator") if is_longer else record,
         )
+
+
+def _split_table(text: str) -> tuple[list[str], str]:
+    """Return the lines of a table from its header on, and the separator of their cells."""
+    lines = text.splitlines()
+    while lines and (not lines[0].strip() or (lines[0].startswith(("#", "sep=")) and not _is_header(lines[0]))):
+        del lines[0]
+    header = lines[0].removeprefix("#") if lines else ""
+    separator = max(",;\t", key=header.count)
+    if separator not in header:
+        return ["\t".join(line.split()) for line in (header, *lines[1:])], "\t"
+    first = "".join(lines[1:2])
+    if separator == "," and "\t" in first and "," not in first:  # as Metashape writes
+        separator, header = "\t", "\t".join(cell.strip() for cell in header.split(","))
+    return [header, *lines[1:]], separator
 
 
 def _is_header(line: str) -> bool:

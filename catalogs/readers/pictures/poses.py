@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -20,7 +21,7 @@ from catalogs.readers.pictures.pose_fields import (
     parse_capture_day,
     read_field,
 )
-from catalogs.readers.pictures.pose_records import csv_records, json_records
+from catalogs.readers.pictures.pose_records import PoseRecord, csv_records, json_records
 from catalogs.readers.pictures.source_poses import SourcePose, degrees_from_dms, finite_number
 from catalogs.readers.settings import PICTURES
 from facade_core.core.errors import InputError
@@ -69,21 +70,7 @@ def read_poses_file(path: Path) -> PosesFile:
     InputError
         For a file of another format.
     """
-    try:
-        require_regular(path)
-        if path.stat().st_size > PICTURES.max_poses_bytes:
-            raise InputError(
-                f"{path} has more than {PICTURES.max_poses_bytes // 1_000_000} MB; keep the poses alone, without "
-                "points and tracks"
-            )
-        content = read_regular(path, PICTURES.max_poses_bytes)
-        text = content.decode("utf-16" if content.startswith((BOM_UTF16_LE, BOM_UTF16_BE)) else "utf-8-sig")
-    except OSError as error:
-        raise InputError(
-            f"{path} cannot be read ({error.strerror}); give the file with the panoramas' poses"
-        ) from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path} is not UTF-8 text; save it again as UTF-8: {_FORMAT_HINT}") from error
+    text = _read_text(path)
     try:
         if text.lstrip().startswith(("{", "[")):
             stated_crs, records = json_records(json.loads(text, object_pairs_hook=_reject_duplicate_keys))
@@ -98,25 +85,49 @@ def read_poses_file(path: Path) -> PosesFile:
     empty = find_empty_fields(path.name, stated)
     poses: dict[str, SourcePose | str] = {}
     for name, record in records:
-        if name in poses:
-            poses[name] = f"{path.name} gives {name} twice; remove one"
-            continue
-        try:
-            if isinstance(record, Exception):
-                raise record
-            poses[name] = replace(_parse_pose(record, crs), remarks=empty.get(name, ()))
-        except (ValueError, TypeError, AttributeError, KeyError, IndexError, ArithmeticError) as error:
-            problem = short_message(error)
-            poses[name] = f"{path.name}: {to_single_line(name[:80])}: {to_single_line(problem)[:160]}; mend that entry"
+        repeated = f"{path.name} gives {name} twice; remove one"
+        poses[name] = repeated if name in poses else _read_pose(path.name, name, record, crs, empty.get(name, ()))
     if not poses:
         raise InputError(f"{path} holds no poses; give {_FORMAT_HINT}")
     remarks = [remark for find in (find_unused_fields, find_unread_days) for remark in find(path.name, stated.values())]
-    remarks += [
-        Remark(name, _TILT_REASON.format(file=path.name), None)
+    return PosesFile(poses, (*remarks, *_note_tilts(path.name, poses)))
+
+
+def _read_text(path: Path) -> str:
+    try:
+        require_regular(path)
+        if path.stat().st_size > PICTURES.max_poses_bytes:
+            raise InputError(
+                f"{path} has more than {PICTURES.max_poses_bytes // 1_000_000} MB; keep the poses alone, without "
+                "points and tracks"
+            )
+        content = read_regular(path, PICTURES.max_poses_bytes)
+        return content.decode("utf-16" if content.startswith((BOM_UTF16_LE, BOM_UTF16_BE)) else "utf-8-sig")
+    except OSError as error:
+        raise InputError(
+            f"{path} cannot be read ({error.strerror}); give the file with the panoramas' poses"
+        ) from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path} is not UTF-8 text; save it again as UTF-8: {_FORMAT_HINT}") from error
+
+
+def _read_pose(file: str, name: str, record: PoseRecord, crs: str | None, remarks: tuple[str, ...]) -> SourcePose | str:
+    """Return the pose of a record, or the defect for which it cannot be used."""
+    try:
+        if isinstance(record, Exception):
+            raise record
+        return replace(_parse_pose(record, crs), remarks=remarks)
+    except (ValueError, TypeError, AttributeError, KeyError, IndexError, ArithmeticError) as error:
+        problem = short_message(error)
+        return f"{file}: {to_single_line(name[:80])}: {to_single_line(problem)[:160]}; mend that entry"
+
+
+def _note_tilts(file: str, poses: Mapping[str, SourcePose | str]) -> list[Remark]:
+    return [
+        Remark(name, _TILT_REASON.format(file=file), None)
         for name, pose in poses.items()
         if isinstance(pose, SourcePose) and max(abs(pose.pitch), abs(pose.roll)) > PICTURES.max_panorama_tilt_deg
     ]
-    return PosesFile(poses, tuple(remarks))
 
 
 def _parse_pose(record: JsonObject, crs: str | None) -> SourcePose:
