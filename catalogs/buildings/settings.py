@@ -161,10 +161,6 @@ class SiteRules:
     roof_top_quantile : Of the cells of a roof: its top without aerials, chimneys and trees that overhang.
     min_measured_height_m : A lower measured height is no building's: it is gone, or was built later.
     min_roof_cells : Least cells of a roof that are measured on.
-    ground_ring_m : ring around a building where its ground is seen.
-    max_ring_sample : buildings around which the ground is looked at.
-    max_ground_level_m : median around buildings of a surface model that counts from the ground.
-    min_ground_level_m : median around buildings of a ground that does not.
     """
 
     min_footprint_m2: float = 10.0
@@ -195,10 +191,6 @@ class SiteRules:
     roof_top_quantile: float = 0.9
     min_measured_height_m: float = 2.5
     min_roof_cells: int = 4
-    ground_ring_m: float = 8.0
-    max_ring_sample: int = 200
-    max_ground_level_m: float = 1.0
-    min_ground_level_m: float = 3.0
 
 
 SITES = SiteRules()

@@ -36,9 +36,6 @@ def measure_assumed_heights(
     """
     found: list[Building] = []
     notes = []
-    if _counts_from_ground(buildings, surface, ground):
-        ground = replace(ground, heights=np.zeros_like(ground.heights))
-        notes.append(f"heights of {source} taken as heights above the ground, as they are near 0 around the buildings")
     measured = low = unseen = 0
     for building in buildings:
         if building.height_source == "default" and not building.raised:
@@ -61,22 +58,6 @@ def measure_assumed_heights(
     if unseen:
         notes.append(f"{format_count(unseen, 'building')} without heights on {source}, which keep the assumed height")
     return tuple(found), tuple(notes)
-
-
-def _counts_from_ground(buildings: Sequence[Building], surface: ElevationRaster, ground: ElevationRaster) -> bool:
-    """Return True where the surface is near 0 around the buildings and the ground is not: it is a normalised model."""
-    rings = [
-        one.footprint.buffer(SITES.ground_ring_m).difference(one.footprint.buffer(surface.step))
-        for one in buildings[: SITES.max_ring_sample]
-    ]
-    levels = [[heights_within(ring, raster) for ring in rings] for raster in (surface, ground)]
-    known = [
-        float(np.median(heights))
-        for one in levels
-        for heights in [np.concatenate(one or [np.empty(0)])]
-        if len(heights)
-    ]
-    return len(known) == 2 and abs(known[0]) < SITES.max_ground_level_m and abs(known[1]) > SITES.min_ground_level_m
 
 
 def _with_top(building: Building, top: float) -> Building:

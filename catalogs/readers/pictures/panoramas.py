@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from catalogs.crs import LONLAT
 from catalogs.features import Fault, Remark
 from catalogs.file_digest import file_digest
 from catalogs.printable_text import format_unit_reason
@@ -28,11 +27,7 @@ if TYPE_CHECKING:
 _OUTDATED_REASON = (
     "panoramas taken more than a year before others beside them; `changed` tells of facades, ground shows all of them"
 )
-_SWAPPED_REASON = "panoramas skipped whose longitude and latitude look swapped; write each under its own name"
-_SWAPPED_PLANE_REASON = "panoramas skipped whose x and y look swapped; x is east and y north"
-_DEGREES_REASON = "panoramas skipped whose x and y look like degrees; call them lon and lat"
-_ZONE_STEP = 1e6  # m; number of a zone in front of an easting
-_ZONE_REASON = "panoramas skipped whose x begins with the number of a zone; take it off, or state the crs that has it"
+_DISTANT_REASON = "panoramas skipped that lie far from the buildings; check the order of x and y (east first), of lon and lat, and crs"
 _MAGNETIC_REASON = "panoramas whose heading from magnetic north is taken as true"
 _FOREIGN_POSE_REASON = "panoramas without a heading in {file}, place and heading taken from the pictures themselves"
 
@@ -146,8 +141,7 @@ class _PanoramaReader:
         pose = project_pose(source, view, self._crs, self._frames)
         self.posed += 1
         if self._is_distant(pose):
-            reason = _distant_reason(source, view, self._crs, self._frames, self._bounds)
-            self.remarks.append(Remark(path.stem, reason, None))
+            self.remarks.append(Remark(path.stem, _DISTANT_REASON, None))
             return
         alike = self._same_size.setdefault(path.stat().st_size, [])
         if twin := next((one for one in alike if file_digest(one) == file_digest(path)), None):
@@ -172,33 +166,6 @@ def _match_letter_case(poses: Mapping[str, SourcePose | str], paths: Sequence[Pa
     folded = {name.casefold(): name for name in sorted(names)}
     renamed = {folded.get(name.casefold(), name): pose for name, pose in poses.items() if name not in names}
     return renamed | {name: pose for name, pose in poses.items() if name in names}
-
-
-def _distant_reason(
-    source: SourcePose,
-    view: tuple[float, float, float, float],
-    crs: CRS,
-    transformers: dict[str | None, Transformer],
-    bounds: Sequence[float] | None,
-) -> str:
-    """Return the reason for a pose far from the buildings: the mistake that explains it, or another place."""
-    mistakes = {
-        _SWAPPED_REASON if source.crs == LONLAT else _SWAPPED_PLANE_REASON: replace(source, x=source.y, y=source.x),
-        _DEGREES_REASON: replace(source, crs=LONLAT),
-        _ZONE_REASON: replace(source, x=source.x % _ZONE_STEP),
-    }
-    for reason, mended in mistakes.items():
-        try:
-            pose = project_pose(mended, view, crs, transformers)
-        except ValueError:
-            continue
-        if (
-            bounds
-            and math.isfinite(pose.x + pose.y)
-            and distance_outside(pose, bounds) <= PICTURES.max_panorama_distance_m
-        ):
-            return reason
-    return "panoramas of another place skipped"
 
 
 def outdated_remarks(items: Sequence[PosedPanorama]) -> list[Remark]:

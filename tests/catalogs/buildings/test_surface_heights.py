@@ -104,14 +104,3 @@ def test_a_block_file_names_both_rasters(tmp_path: Path) -> None:
     tops = {one.id: one.height + (one.roof.height if one.roof else 0.0) for one in block.buildings}
     assert max(tops.values()) == pytest.approx(30.0, abs=0.5)
     assert "heights of 3 buildings measured on dsm.tif instead of assumed" in block.notes
-
-
-def test_a_surface_that_counts_from_the_ground_is_read() -> None:
-    surface, ground = rasters(BOXES)
-    above = ElevationRaster(surface.x, surface.y, surface.step, surface.heights - ground.heights)
-    buildings = [Building("flat", box(5), 6.0, "default", None, None, None, Roof("flat", 0.0))]
-    expected, _ = measure_assumed_heights(buildings, surface, ground, "dsm.tif")
-    found, notes = measure_assumed_heights(buildings, above, ground, "ndsm.tif")
-    assert found[0].height == pytest.approx(expected[0].height, abs=0.5)
-    assert notes[0].startswith("heights of ndsm.tif taken as heights above the ground")
-    assert len(measure_assumed_heights([], surface, ground, "dsm.tif")[1]) == 0
