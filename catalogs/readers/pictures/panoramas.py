@@ -27,7 +27,10 @@ if TYPE_CHECKING:
 _OUTDATED_REASON = (
     "panoramas taken more than a year before others beside them; `changed` tells of facades, ground shows all of them"
 )
-_DISTANT_REASON = "panoramas skipped that lie far from the buildings; check the order of x and y (east first), of lon and lat, and crs"
+_DISTANT_REASON = (
+    "panoramas skipped that lie far from the buildings; check the order of x and y (east first), of lon and lat, "
+    "and the crs"
+)
 _MAGNETIC_REASON = "panoramas whose heading from magnetic north is taken as true"
 _FOREIGN_POSE_REASON = "panoramas without a heading in {file}, place and heading taken from the pictures themselves"
 
