@@ -1,7 +1,7 @@
 """How far assumed storeys are from tagged ones that were held out: `python -m benchmarks.heights --data DIR` prints JSON.
 
 The buildings of central Helsinki whose storeys or height are tagged (OpenStreetMap, ODbL) are hidden a fifth at a time, by
-chance or by cells of 150 m, and assumed from the others, as a block's are. The constants of `catalogs.buildings.heights` were
+chance or by cells of 150 m, and assumed from the others, as a block's are. The numbers of `catalogs.buildings.settings` were
 set by hand in view of such figures, so none of these buildings is apart from that choice; the eastern half is told beside all.
 `constant` is the median of those left, for every building; `without step` the assumption before an id makes it one storey
 less or more.
@@ -16,6 +16,7 @@ from dataclasses import replace
 from pathlib import Path
 from statistics import median
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import shapely
@@ -90,9 +91,8 @@ def main(arguments: list[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     source = read_osm_footprints(options.data / "city" / "helsinki" / "Helsinki.osm.pbf")
     found = {by: measure(source, by) for by in ("chance", "cells")}
-    heights.HEIGHTS = replace(HEIGHTS, variation_share=0.0)
-    found |= {f"{by}, without step": measure(source, by) for by in ("chance", "cells")}
-    heights.HEIGHTS = HEIGHTS
+    with patch.object(heights, "HEIGHTS", replace(HEIGHTS, variation_share=0.0)):
+        found |= {f"{by}, without step": measure(source, by) for by in ("chance", "cells")}
     print(json.dumps({"benchmark": "heights", "folds": found}, indent=1))
 
 
