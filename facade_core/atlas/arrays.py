@@ -17,7 +17,7 @@ from facade_core.geometry.chart_packing import ChartPlacements
 
 # Format of a store, kept in its attributes. Increase it when the layout of tables, arrays or records changes; the next
 # run then recreates stores of other formats.
-STORE_FORMAT = 4
+STORE_FORMAT = 5
 
 PAGE_DIMS = ("page", "y", "x")
 PAGE_RGB_DIMS = ("page", "y", "x", "band")

@@ -1,4 +1,4 @@
-"""The atlas as xarray, over a store that an earlier version made."""
+"""The atlas as xarray, over the packed store of this format."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from facade_core.atlas.store import commit, create_root, open_repository, open_r
 from facade_core.core.errors import InputError, StoreError, StoreFormatError
 from facade_core.core.provenance import Provenance
 from facade_core.plan.plan_tables import read_plan
-from tests.facade_core.atlas.stores import FORMAT_4, unpack
+from tests.facade_core.atlas.stores import PACKED_STORE, unpack
 
 TEXELS_PER_METRE = 3.0
 
 
 @pytest.fixture(scope="module")
 def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return unpack(FORMAT_4, tmp_path_factory.mktemp("run"))
+    return unpack(PACKED_STORE, tmp_path_factory.mktemp("run"))
 
 
 @pytest.fixture(scope="module")
@@ -121,7 +121,7 @@ def test_a_facade_survives_cf_there_and_back(atlas: Atlas, tmp_path: Path) -> No
 
 
 def test_at_a_tag_or_snapshot(tmp_path: Path) -> None:
-    out = unpack(FORMAT_4, tmp_path)
+    out = unpack(PACKED_STORE, tmp_path)
     repository = open_repository(out / "store")
     (tag,) = repository.list_tags()
     before = open_atlas(out / "store")
@@ -145,7 +145,7 @@ def test_what_is_not_there_is_one_line(atlas: Atlas, tmp_path: Path) -> None:
         atlas.facade(3)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="no facade a-9; there are 4, the nearest is a-3"):
         atlas.facade("a-9")
-    with pytest.raises(InputError, match="no chart 99; there are 14"):
+    with pytest.raises(InputError, match="no chart 99; there are 22"):
         atlas.chart(99)
     with pytest.raises(StoreError, match="there is no store; run the block first"):
         open_atlas(tmp_path / "nothing")
@@ -158,13 +158,13 @@ def test_what_is_not_there_is_one_line(atlas: Atlas, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("format_", [1, 3, None])
 def test_a_store_of_another_format_says_what_to_do(tmp_path: Path, format_: int | None) -> None:
-    out = unpack(FORMAT_4, tmp_path)
+    out = unpack(PACKED_STORE, tmp_path)
     session = open_repository(out / "store").writable_session("main")
     root = open_root(session)
     root.attrs["format"] = format_
     commit(session, "as another version")
     with pytest.raises(
-        StoreFormatError, match=r"is of format (1|3|unknown), and .* reads 4; `streetloom run"
+        StoreFormatError, match=r"is of format (1|3|unknown), and .* reads 5; `streetloom run"
     ) as caught:
         open_atlas(out)
     assert str(out / "store") in str(caught.value)

@@ -8,7 +8,9 @@ from __future__ import annotations
 import tarfile
 from pathlib import Path
 
-FORMAT_4 = Path(__file__).with_name("format-4.tar.xz")
+from facade_core.atlas.arrays import STORE_FORMAT
+
+PACKED_STORE = Path(__file__).with_name(f"format-{STORE_FORMAT}.tar.xz")
 BUILDINGS = {"a": (4, 5, 12, 2.8, 7.0)}
 STREETS = {"1": [(0, 0), (18, 0)]}
 
