@@ -19,9 +19,10 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.parsing.confidence import FacadeStatistics, compare_parse_with_truth, load_calibration
+from facade_core.parsing.confidence import FacadeStatistics, load_calibration
 from facade_core.parsing.segmenter import parse
 from training.datasets.facades import ARTDECO, CMP, ECP, LabelledFacade, read_dataset, split_facades_for_training
+from training.parser.calibration import compare_parse_with_truth
 
 _BINS = 10
 # What counts as near the truth: five points of the window share, the very number of windows and storeys.

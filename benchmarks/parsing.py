@@ -33,7 +33,6 @@ from benchmarks import in_front, outline
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN
 from facade_core.core.model_file import read_model_record
 from facade_core.core.types import Element
-from facade_core.parsing.confidence import mark_matched_elements
 from facade_core.parsing.elements import elements
 from facade_core.parsing.network import Network
 from facade_core.parsing.segmenter import (
@@ -54,6 +53,7 @@ from training.datasets.facades import (
     read_swiss_street_photos,
     split_facades_for_training,
 )
+from training.parser.calibration import mark_matched_elements
 
 SETS = {
     "ecp": (ECP, "facades/ecp"),

@@ -15,7 +15,7 @@ from pathlib import Path
 from facade_core.imagery.rectify.shadow import shadow_share
 from facade_core.parsing.segmenter import parse
 from facade_core.plan.exemplar_choice import USUAL_SHADED_SHARE
-from training.datasets.facades import read_ecp_facades
+from training.datasets.facades import ECP, read_dataset
 
 MARKED = frozenset(
     {
@@ -54,7 +54,7 @@ def main(arguments: list[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     told = {
         photo.name.removeprefix("monge_"): shadow_share(photo.image, parse(photo.image).labels)
-        for photo in read_ecp_facades(options.data / "facades" / "ecp")
+        for photo in read_dataset(ECP, options.data / "facades" / "ecp")
     }
     over = {name for name, share in told.items() if share > USUAL_SHADED_SHARE}
     print(

@@ -199,8 +199,7 @@ def main(arguments: list[str] | None = None) -> None:
     names = [recipe.name for recipe in CITIES]
     folders = [data / "facades" / name for name in names]
     pictures = [
-        sorted((folder / recipe.images).iterdir())[::HARVEST_STEP]
-        for folder, recipe in zip(folders, CITIES, strict=True)
+        sorted((folder / "images").iterdir())[::HARVEST_STEP] for folder, recipe in zip(folders, CITIES, strict=True)
     ]
     outputs = [
         run_block(options.out.resolve() / name, data, of_city) for name, of_city in zip(names, pictures, strict=True)

@@ -12,11 +12,8 @@ from training.datasets.facades import (
     CMP,
     ECP,
     LABELMEFACADE,
-    RECIPES,
     RUEMONGE,
-    read_artdeco_facades,
     read_dataset,
-    read_ecp_facades,
     read_swiss_street_photos,
     split_facades_for_training,
 )
@@ -35,7 +32,7 @@ def write(folder, name, label_map, size=None):
 def test_reads_in_name_order_and_maps_chimney_and_void(tmp_path):
     write(tmp_path, "b", np.array([[1, 7], [255, 4]], np.uint8))
     write(tmp_path, "a", np.zeros((3, 2), np.uint8))
-    first, second = read_ecp_facades(tmp_path)
+    first, second = read_dataset(ECP, tmp_path)
     assert (first.name, second.name) == ("a", "b")
     assert first.image.shape == (3, 2, 3)
     assert second.labels.tolist() == [[FacadeClass.WINDOW, FacadeClass.ROOF], [UNKNOWN, FacadeClass.ROOF]]
@@ -150,14 +147,14 @@ def test_refuses_a_missing_photo_or_list(swiss_folder, tmp_path_factory):
 
 def test_refuses_an_empty_folder(tmp_path):
     with pytest.raises(InputError, match="no images"):
-        list(read_ecp_facades(tmp_path))
+        list(read_dataset(ECP, tmp_path))
 
 
 def test_refuses_half_a_pair(tmp_path):
     write(tmp_path, "a", np.zeros((3, 2), np.uint8))
     (tmp_path / "labels" / "a.png").rename(tmp_path / "labels" / "other.png")
     with pytest.raises(InputError, match="a has an image or a label map"):
-        list(read_artdeco_facades(tmp_path))
+        list(read_dataset(ARTDECO, tmp_path))
 
 
 @pytest.mark.parametrize(
@@ -171,46 +168,43 @@ def test_refuses_half_a_pair(tmp_path):
 def test_refuses_label_maps_that_do_not_fit(tmp_path, label_map, size, message):
     write(tmp_path, "a", label_map, size)
     with pytest.raises(ImageError, match=message):
-        list(read_ecp_facades(tmp_path))
+        list(read_dataset(ECP, tmp_path))
 
 
 def test_refuses_a_broken_image(tmp_path):
     write(tmp_path, "a", np.zeros((3, 2), np.uint8))
     (tmp_path / "images" / "a.jpg").write_bytes(b"nothing")
     with pytest.raises(ImageError, match=r"a\.jpg"):
-        list(read_ecp_facades(tmp_path))
+        list(read_dataset(ECP, tmp_path))
 
 
 def test_only_sets_with_a_licence_may_train():
     assert ECP.may_train
     assert CMP.may_train
     assert not any(recipe.may_train for recipe in (ARTDECO, RUEMONGE, LABELMEFACADE))
-    assert all(name == recipe.name for name, recipe in RECIPES.items())
 
 
 def test_the_real_sets(data):
-    facades = list(read_ecp_facades(data / "facades" / "ecp"))
+    facades = list(read_dataset(ECP, data / "facades" / "ecp"))
     training, held_out = split_facades_for_training(facades)
     assert (len(facades), len(training), len(held_out)) == (83, 66, 17)
     assert not {facade.name for facade in training} & {facade.name for facade in held_out}
     share = np.bincount(np.concatenate([facade.labels.reshape(-1) for facade in facades]), minlength=256)
     assert share[7:255].sum() == 0
     np.testing.assert_allclose(share[:7] / share.sum(), [0.468, 0.110, 0.130, 0.014, 0.075, 0.127, 0.074], atol=1e-3)
-    assert sum(1 for _ in read_artdeco_facades(data / "facades" / "artdeco")) == 63
+    assert sum(1 for _ in read_dataset(ARTDECO, data / "facades" / "artdeco")) == 63
 
 
 def test_every_real_set_fits_its_table(data):
     """The first photos of each set: reading refuses ids that the table lacks."""
     folders = {
-        "cmp": "facades/cmp",
-        "ruemonge2014": "facades/ruemonge2014/val",
-        "labelmefacade": "streetphotos/labelmefacade",
+        "facades/cmp": CMP,
+        "facades/ruemonge2014/val": RUEMONGE,
+        "streetphotos/labelmefacade": LABELMEFACADE,
     }
-    for name, folder in folders.items():
+    for folder, recipe in folders.items():
         shown = {
-            label
-            for facade in islice(read_dataset(RECIPES[name], data / folder), 8)
-            for label in np.unique(facade.labels)
+            label for facade in islice(read_dataset(recipe, data / folder), 8) for label in np.unique(facade.labels)
         }
         assert {FacadeClass.WINDOW, UNKNOWN} <= shown
     photos = list(islice(read_swiss_street_photos(data / "streetphotos" / "swiss" / "test"), 12))

@@ -68,19 +68,16 @@ class LabelMeaning:
 
 @dataclass(frozen=True, slots=True)
 class DatasetRecipe:
-    """Set of images and label maps that share file stems.
+    """Set of pictures in images/ and label maps in labels/ that share file stems.
 
     Attributes
     ----------
     name : name of the set.
-    images, labels : folders.
     classes : meaning of each id; ids that a file holds and the table lacks are an error.
     may_train : whether the licence allows shipping weights trained on the set.
     """
 
     name: str
-    images: str
-    labels: str
     classes: Mapping[int, LabelMeaning]
     may_train: bool
 
@@ -108,20 +105,16 @@ _PARIS_LABELS: dict[int, LabelMeaning] = {
     255: _UNLABELLED,
 }
 
-ECP = DatasetRecipe("ecp", "images", "labels", _PARIS_LABELS, may_train=True)
+ECP = DatasetRecipe("ecp", _PARIS_LABELS, may_train=True)
 # Its labels ignore trees and cars, so occluders are unknown.
 ARTDECO = DatasetRecipe(
     "artdeco",
-    "images",
-    "labels",
     {number: LabelMeaning(told.classes) for number, told in _PARIS_LABELS.items()},
     may_train=False,
 )
 # Facades of many styles, without classes for sky and roof; ornament is wall, shutters and cornices are ambiguous.
 CMP = DatasetRecipe(
     "cmp",
-    "images",
-    "labels",
     {
         1: LabelMeaning(outside=True),  # sky, neighbours, street
         2: LabelMeaning((FacadeClass.WALL,)),
@@ -140,8 +133,6 @@ CMP = DatasetRecipe(
 )
 RUEMONGE = DatasetRecipe(
     "ruemonge2014",
-    "images",
-    "labels",
     {
         0: _UNLABELLED,
         **{
@@ -163,8 +154,6 @@ RUEMONGE = DatasetRecipe(
 )
 LABELMEFACADE = DatasetRecipe(
     "labelmefacade",
-    "images",
-    "labels",
     {
         0: _UNLABELLED,
         1: _visible_classes(
@@ -186,8 +175,6 @@ LABELMEFACADE = DatasetRecipe(
     may_train=False,
 )
 
-RECIPES = {recipe.name: recipe for recipe in (ECP, ARTDECO, CMP, RUEMONGE, LABELMEFACADE)}
-
 # The Swiss street photos have polygons with a category. Most of the uncovered area is sky.
 _SWISS_CATEGORIES = {
     "facade": _visible_classes(FacadeClass.WALL, FacadeClass.ROOF, FacadeClass.DOOR),
@@ -204,16 +191,6 @@ _SWISS_CATEGORIES = {
 _SWISS_BACKGROUND = LabelMeaning(occluder=False, outside=True)
 
 _IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png")
-
-
-def read_ecp_facades(folder: str | Path) -> Iterator[LabelledFacade]:
-    """Read the 83 Haussmann facades of the ECP set; chimneys count as roof."""
-    return read_dataset(ECP, folder)
-
-
-def read_artdeco_facades(folder: str | Path) -> Iterator[LabelledFacade]:
-    """Read the 63 Art-Deco facades (Gadde et al. 2016), for evaluation only: no licence is stated."""
-    return read_dataset(ARTDECO, folder)
 
 
 def read_swiss_street_photos(folder: str | Path) -> Iterator[LabelledFacade]:
@@ -254,10 +231,10 @@ def read_dataset(recipe: DatasetRecipe, folder: str | Path) -> Iterator[Labelled
     ImageError : a file does not fit; raised when its facade is reached.
     """
     folder = Path(folder)
-    images = {path.stem: path for path in _image_files(folder / recipe.images)}
-    labels = {path.stem: path for path in _image_files(folder / recipe.labels)}
+    images = {path.stem: path for path in _image_files(folder / "images")}
+    labels = {path.stem: path for path in _image_files(folder / "labels")}
     if not images:
-        raise InputError(f"{folder}: no images in {recipe.images}/; give the folder of the {recipe.name} set")
+        raise InputError(f"{folder}: no images in images/; give the folder of the {recipe.name} set")
     if images.keys() != labels.keys():
         odd = min(images.keys() ^ labels.keys())
         raise InputError(f"{folder}: {odd} has an image or a label map but not both; complete the pair or remove it")

@@ -31,12 +31,10 @@ from facade_core.facade.layout.densities import (
     TOP_BORDER_ROW,
     WIDTH_RATIO_ROW,
     ScoreTermDensities,
-    fit_mixture,
 )
-from facade_core.facade.layout.facade_frame import fit_columns_and_floors
+from facade_core.facade.layout.facade_frame import ColumnsAndFloors, Rectangle, fit_columns_and_floors
 from facade_core.facade.layout.floor_hypotheses import log_floor_progressions
 from facade_core.facade.layout.grids import box_array
-from facade_core.facade.layout.layout_sampling import layout_style_vector
 from facade_core.facade.layout.model import LayoutModel
 from facade_core.facade.layout.policy import POLICY_LENGTH, roll_out_policy
 from facade_core.facade.layout.policy_optimisation import (
@@ -59,6 +57,8 @@ from training.layout.ranking_examples import (
 )
 from training.progress import track_progress
 
+# Narrower components are spikes at values such as 1; their density would measure rounding, not facades.
+_MIN_DEVIATION = 0.03
 # Share of the elements that Eq. 20 removes.
 _REMOVED_SHARE = 0.1
 # Passes over the database for the weights.
@@ -176,6 +176,44 @@ def fit_densities(
     )
 
 
+def fit_mixture(values: Float64Array, seed: int) -> Float64Array:
+    """Fit a Gaussian mixture with diagonal covariances; BIC chooses the number of components.
+
+    Parameters
+    ----------
+    values : (N,) values, or (N, 2) values with their condition.
+
+    Returns
+    -------
+    (COMPONENT_COUNT, 5) components by ascending mean.
+    """
+    from sklearn.mixture import GaussianMixture
+
+    data = values[:, None] if values.ndim == 1 else values
+    out = np.zeros((COMPONENT_COUNT, 5))
+    if len(data) < 2:
+        centre = data.mean(axis=0) if len(data) else np.zeros(data.shape[1])
+        out[0, :3] = 1, centre[0], 1
+        out[0, 3:] = (centre[1], 1) if data.shape[1] > 1 else (0, 0)
+        return out
+    best, best_bic = None, np.inf
+    for k in range(1, min(COMPONENT_COUNT, len(np.unique(data, axis=0))) + 1):
+        fitted = GaussianMixture(
+            k, covariance_type="diag", reg_covar=_MIN_DEVIATION**2, random_state=seed, n_init=2
+        ).fit(data)
+        bic = fitted.bic(data)
+        if best is None or bic < best_bic:
+            best, best_bic = fitted, bic
+    assert best is not None
+    order = np.argsort(best.means_[:, 0])
+    for j, c in enumerate(order):
+        out[j, 0] = best.weights_[c]
+        out[j, 1], out[j, 2] = best.means_[c, 0], np.sqrt(best.covariances_[c, 0])
+        if data.shape[1] > 1:
+            out[j, 3], out[j, 4] = best.means_[c, 1], np.sqrt(best.covariances_[c, 1])
+    return out
+
+
 def _symmetry_table(overall: Float64Array) -> Float64Array:
     """Return ln p(symmetric share | door position), Eq. 11, from a smoothed histogram; row 0 is "no door"."""
     from scipy.ndimage import gaussian_filter, gaussian_filter1d
@@ -278,6 +316,43 @@ def learn_weights(model: LayoutModel, layouts: Sequence[Layout], seed: int) -> F
         weights = np.maximum(weights + _LEARNING_RATE * gradient / len(layouts) / np.sqrt(turn + 1), 0.02)
         weights = weights / np.linalg.norm(weights)
     return weights
+
+
+def layout_style_vector(
+    elements: Sequence[Element], facade: ColumnsAndFloors, domain: Rectangle
+) -> Float64Array | None:
+    """Return the style vector of a whole layout, None where its windows form no columns or floors.
+
+    Parameters
+    ----------
+    elements : all elements of the layout.
+    facade : frame of those elements.
+    domain : (x0, y0, x1, y1) of the facade, y down.
+
+    Returns
+    -------
+    (11,) ratios in the order of the column constants of `layout_sampling`.
+    """
+    if len(facade.columns) < 2 or len(facade.floors) < 2:
+        return None
+    pitch = np.array([np.median(np.diff(facade.columns)), np.median(np.diff(facade.floors))])
+    labels = [e.label for e in elements]
+    width, height = domain[2] - domain[0], domain[3] - domain[1]
+    return np.array(
+        [
+            width / height,
+            max(2, round((facade.columns[-1] - facade.columns[0]) / pitch[0]) + 1),
+            max(2, round((facade.floors[-1] - facade.floors[0]) / pitch[1]) + 1),
+            min(0.9, facade.size[0] / pitch[0]),
+            min(0.9, facade.size[1] / pitch[1]),
+            (facade.columns[0] - domain[0]) / pitch[0],
+            (facade.floors[0] - domain[1]) / pitch[1],
+            (domain[3] - facade.floors[-1]) / pitch[1],
+            labels.count("door"),
+            labels.count("shop"),
+            labels.count("balcony") / labels.count("window"),
+        ]
+    )
 
 
 def median_metric_pitches(layouts: Sequence[Layout]) -> dict[str, float]:

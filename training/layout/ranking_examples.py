@@ -15,7 +15,7 @@ from facade_core.facade.layout.grids import box_array, fit_grids
 from facade_core.facade.layout.model import LayoutModel
 from facade_core.facade.layout.proposal_features import compute_features
 from facade_core.facade.layout.proposals import propose_elements
-from facade_core.facade.layout.ranking import BoostedTrees, predict_probability, train_trees
+from facade_core.facade.layout.ranking import BoostedTrees, predict_probability
 from facade_core.facade.layout.rectangles import pairwise_iou
 from facade_core.facade.layout.selection import select_proposals
 from tasks.engine.progress import report_progress
@@ -104,6 +104,58 @@ def train_ranking(examples: Sequence[RankingExample], *, seed: int, rounds: int 
     """Train trees that predict the probability that a proposal is correct."""
     rows, truth = np.concatenate([e.features for e in examples]), np.concatenate([e.truth for e in examples])
     return train_trees(rows, truth, seed=seed, rounds=rounds)
+
+
+def train_trees(rows: Float32Array, truth: BoolArray, *, seed: int, rounds: int) -> BoostedTrees:
+    """Boost trees on features with known truth, in one thread so that results do not depend on the machine.
+
+    Parameters
+    ----------
+    rows : (N, features) float32.
+    truth : (N,) bool.
+    seed : seed of the learner.
+    rounds : number of trees.
+    """
+    from sklearn.ensemble import HistGradientBoostingClassifier
+    from threadpoolctl import threadpool_limits
+
+    learner = HistGradientBoostingClassifier(
+        max_iter=rounds,
+        learning_rate=0.05,
+        max_leaf_nodes=32,
+        min_samples_leaf=60,
+        l2_regularization=3.0,
+        max_features=0.3,
+        early_stopping=False,
+        random_state=seed,
+    )
+    with threadpool_limits(1):
+        learner.fit(rows, truth)
+    roots, parts, offset = [], [], 0
+    for (tree,) in learner._predictors:  # sklearn has no public access to its trees  # noqa: SLF001
+        nodes = tree.nodes
+        leaf = nodes["is_leaf"].astype(bool)
+        roots.append(offset)
+        parts.append(
+            (
+                np.where(leaf, -1, nodes["feature_idx"]),
+                np.where(leaf, 0, nodes["num_threshold"]),
+                np.where(leaf, 0, nodes["left"] + offset),
+                np.where(leaf, 0, nodes["right"] + offset),
+                np.where(leaf, nodes["value"], 0),
+            )
+        )
+        offset += len(nodes)
+    feature, threshold, left, right, value = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return BoostedTrees(
+        np.array(roots, np.int64),
+        feature.astype(np.int64),
+        threshold.astype(np.float32),
+        left.astype(np.int64),
+        right.astype(np.int64),
+        np.round(value, 5),
+        float(np.round(learner._baseline_prediction.item(), 5)),  # noqa: SLF001
+    )
 
 
 def choose_thresholds(examples: Sequence[RankingExample], *, seed: int) -> Float64Array:

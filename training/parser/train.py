@@ -8,7 +8,7 @@ from pathlib import Path
 
 from facade_core.core.errors import InputError
 from facade_core.core.model_file import extend_model_record, read_model_record
-from facade_core.parsing import confidence, network
+from facade_core.parsing import network
 from facade_core.parsing.segmenter import parse
 from tasks.publish.catalogue_facts import FACADE_MODELS
 from training.datasets.corrected_facades import MIN_FACADES, CorrectedFacade, label_corrected_facade
@@ -16,15 +16,16 @@ from training.datasets.facades import (
     ANY_CLASS,
     ARTDECO,
     CMP,
+    ECP,
     RUEMONGE,
     LabelledFacade,
     read_dataset,
-    read_ecp_facades,
     read_swiss_street_photos,
     split_facades_for_training,
 )
 from training.datasets.occluder_boxes import read_occluder_boxes
 from training.parser import network_export, network_training
+from training.parser.calibration import compare_parse_with_truth, fit_calibration
 from training.parser.network_training import TrainingSchedule
 from training.parser.sets import paint_labelled_facades, paint_random_occluders, relabel_occluders
 from training.progress import track_progress
@@ -62,7 +63,7 @@ def train_shipped_parser(data: Path, out: Path, *, seed: int, schedule: Training
     cmp, apart = split_cmp_photos(data)
     sets: Sets = {
         "ecp": relabel_occluders(
-            "ecp", split_facades_for_training(list(read_ecp_facades(data / "facades" / "ecp")))[0], looked
+            "ecp", split_facades_for_training(list(read_dataset(ECP, data / "facades" / "ecp")))[0], looked
         ),
         "cmp": relabel_occluders("cmp", cmp, looked),
         "swiss": list(read_swiss_street_photos(data / "streetphotos" / "swiss" / "train")),
@@ -86,10 +87,10 @@ def train_shipped_parser(data: Path, out: Path, *, seed: int, schedule: Training
 def calibrate_parser_confidence(model: Path, photos: Sequence[LabelledFacade]) -> None:
     """Calibrate a network's confidence on photos, and write the result into its record."""
     observed = [
-        confidence.compare_parse_with_truth(parse(photo.image, model=model), photo.labels, photo.possible)
+        compare_parse_with_truth(parse(photo.image, model=model), photo.labels, photo.possible)
         for photo in track_progress("certainty", photos, len(photos))
     ]
-    extend_model_record(model, certainty=confidence.fit_calibration(observed))
+    extend_model_record(model, certainty=fit_calibration(observed))
 
 
 def split_cmp_photos(data: Path) -> tuple[list[LabelledFacade], list[LabelledFacade]]:

@@ -17,8 +17,6 @@ from facade_core.facade.layout.statistics import LABEL_COUNT
 COMPONENT_COUNT = 4
 # Lower bound of log-densities: a term can speak against a layout, not forbid it (Eq. 8 is ln 0 for a single type).
 MIN_LOG_DENSITY = float(np.log(1e-3))
-# Narrower components are spikes at values such as 1; their density would measure rounding, not facades.
-_MIN_DEVIATION = 0.03
 _LOG_TWO_PI = float(np.log(2 * np.pi))
 
 # Weighted terms: aspect ratio, spacing, regularity, completeness; patterns, alignment; compatibility, coverage, border,
@@ -61,44 +59,6 @@ class ScoreTermDensities(NamedTuple):
     patterns: Float64Array
     symmetry: Float64Array
     compatibility: Float64Array
-
-
-def fit_mixture(values: Float64Array, seed: int) -> Float64Array:
-    """Fit a Gaussian mixture with diagonal covariances; BIC chooses the number of components.
-
-    Parameters
-    ----------
-    values : (N,) values, or (N, 2) values with their condition.
-
-    Returns
-    -------
-    (COMPONENT_COUNT, 5) components by ascending mean.
-    """
-    from sklearn.mixture import GaussianMixture
-
-    data = values[:, None] if values.ndim == 1 else values
-    out = np.zeros((COMPONENT_COUNT, 5))
-    if len(data) < 2:
-        centre = data.mean(axis=0) if len(data) else np.zeros(data.shape[1])
-        out[0, :3] = 1, centre[0], 1
-        out[0, 3:] = (centre[1], 1) if data.shape[1] > 1 else (0, 0)
-        return out
-    best, best_bic = None, np.inf
-    for k in range(1, min(COMPONENT_COUNT, len(np.unique(data, axis=0))) + 1):
-        fitted = GaussianMixture(
-            k, covariance_type="diag", reg_covar=_MIN_DEVIATION**2, random_state=seed, n_init=2
-        ).fit(data)
-        bic = fitted.bic(data)
-        if best is None or bic < best_bic:
-            best, best_bic = fitted, bic
-    assert best is not None
-    order = np.argsort(best.means_[:, 0])
-    for j, c in enumerate(order):
-        out[j, 0] = best.weights_[c]
-        out[j, 1], out[j, 2] = best.means_[c, 0], np.sqrt(best.covariances_[c, 0])
-        if data.shape[1] > 1:
-            out[j, 3], out[j, 4] = best.means_[c, 1], np.sqrt(best.covariances_[c, 1])
-    return out
 
 
 @njit(cache=True)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from facade_core.core.arrays import Float64Array
 from facade_core.core.types import Element
-from facade_core.facade.layout.facade_frame import ColumnsAndFloors, Rectangle
+from facade_core.facade.layout.facade_frame import Rectangle
 
 # Columns of LayoutModel.styles: width to height of the facade; columns and floors of windows; a window's width to the column
 # pitch and height to the floor pitch; the first column's margin and the top margin in pitches; the ground floor's height
@@ -26,46 +26,8 @@ from facade_core.facade.layout.facade_frame import ColumnsAndFloors, Rectangle
     SHOPS,
     BALCONIES,
 ) = range(11)
-STYLE_LENGTH = 11
 # Domains up to this height are in metres; in pixels no facade is so low.
 _MAX_METRIC_HEIGHT = 60.0
-
-
-def layout_style_vector(
-    elements: Sequence[Element], facade: ColumnsAndFloors, domain: Rectangle
-) -> Float64Array | None:
-    """Return the style vector of a whole layout, None where its windows form no columns or floors.
-
-    Parameters
-    ----------
-    elements : all elements of the layout.
-    facade : frame of those elements.
-    domain : (x0, y0, x1, y1) of the facade, y down.
-
-    Returns
-    -------
-    (STYLE_LENGTH,) ratios in the order of the column constants of this module.
-    """
-    if len(facade.columns) < 2 or len(facade.floors) < 2:
-        return None
-    pitch = np.array([np.median(np.diff(facade.columns)), np.median(np.diff(facade.floors))])
-    labels = [e.label for e in elements]
-    width, height = domain[2] - domain[0], domain[3] - domain[1]
-    return np.array(
-        [
-            width / height,
-            max(2, round((facade.columns[-1] - facade.columns[0]) / pitch[0]) + 1),
-            max(2, round((facade.floors[-1] - facade.floors[0]) / pitch[1]) + 1),
-            min(0.9, facade.size[0] / pitch[0]),
-            min(0.9, facade.size[1] / pitch[1]),
-            (facade.columns[0] - domain[0]) / pitch[0],
-            (facade.floors[0] - domain[1]) / pitch[1],
-            (domain[3] - facade.floors[-1]) / pitch[1],
-            labels.count("door"),
-            labels.count("shop"),
-            labels.count("balcony") / labels.count("window"),
-        ]
-    )
 
 
 def sample_layouts(
@@ -79,7 +41,7 @@ def sample_layouts(
     Parameters
     ----------
     domain : (x0, y0, x1, y1) of the facade, y down.
-    styles : (S, STYLE_LENGTH) styles of the database.
+    styles : (S, 11) styles of the database.
     metric : median pitches in metres, keys "floor pitch" and "column pitch".
     count : number of layouts, at most one for each style.
     """

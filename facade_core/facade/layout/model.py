@@ -52,7 +52,7 @@ class LayoutModel:
     policies : (10, 15) optimal policies, the most different ones.
     label_shares : (LABEL_COUNT,) frequency of each label.
     priors : doors, shops, floors and spacings for layouts that show none.
-    styles : (S, STYLE_LENGTH) styles of `layout_sampling`.
+    styles : (S, 11) styles of `layout_sampling`.
     metric_pitches : median pitches in metres.
     trees : ranking of proposed elements.
     min_probability : (LABEL_COUNT,) probability from which a proposal is selected.

@@ -8,7 +8,6 @@ from facade_core.core.types import Element
 from facade_core.facade.layout.densities import (
     MIN_LOG_DENSITY,
     TERMS,
-    fit_mixture,
     log_conditional_density,
     log_density,
 )
@@ -25,6 +24,7 @@ from facade_core.facade.layout.statistics import (
     SYMMETRY,
     WIDTH_RATIO,
 )
+from training.layout.learning import fit_mixture
 
 DOMAIN = (0.0, 0.0, 200.0, 160.0)
 

@@ -12,12 +12,15 @@ from facade_core.parsing.confidence import (
     COVERAGE,
     Calibration,
     FacadeStatistics,
-    ParseComparison,
     calibrate_elements,
-    compare_parse_with_truth,
-    mark_matched_elements,
 )
 from facade_core.parsing.elements import elements
+from training.parser.calibration import (
+    ParseComparison,
+    compare_parse_with_truth,
+    fit_calibration,
+    mark_matched_elements,
+)
 
 
 def parsed(labels, chance=0.9):
@@ -66,7 +69,7 @@ def test_confidence_is_put_right():
     confidence = rng.choice([0.9, 0.99], 4000)
     good = rng.random(4000) < np.where(confidence == 0.9, 0.5, 0.9)
     windows = [Element("window", 0, 0, 1, 1, value) for value in confidence]
-    record = certainty.fit_calibration([photo(windows, good)])
+    record = fit_calibration([photo(windows, good)])
     sure = Calibration(
         {name: tuple(line) for name, line in record["elements"].items()}, FacadeStatistics(**record["widths"])
     )
@@ -77,14 +80,14 @@ def test_confidence_is_put_right():
 
 
 def test_few_elements_that_were_all_right_are_not_certain():
-    record = certainty.fit_calibration([doors((0.8, True), (0.9, True))])
+    record = fit_calibration([doors((0.8, True), (0.9, True))])
     sure = Calibration({"door": tuple(record["elements"]["door"])}, FacadeStatistics(1, 1, 1))
     assert 0.5 < sure.element_probability(Element("door", 0, 0, 1, 1, 0.85)) < 0.95
     assert record["elements"]["shop"] == [1, 0], "of what was not seen the confidence stays"
 
 
 def test_more_confidence_is_never_less_probability():
-    record = certainty.fit_calibration([doors((0.95, False), (0.9, False)), doors((0.6, True), (0.5, True))])
+    record = fit_calibration([doors((0.95, False), (0.9, False)), doors((0.6, True), (0.5, True))])
     assert record["elements"]["door"][0] >= 0
 
 
@@ -105,9 +108,9 @@ def test_intervals_hold_what_they_promise():
     for _ in range(200):
         doubt = rng.uniform(0.01, 0.1, 40)
         misses = np.abs(rng.normal(0, doubt))
-        width = certainty.fit_calibration(
-            [photo(miss=m, doubt=d) for m, d in zip(misses[:39], doubt[:39], strict=True)]
-        )["widths"]
+        width = fit_calibration([photo(miss=m, doubt=d) for m, d in zip(misses[:39], doubt[:39], strict=True)])[
+            "widths"
+        ]
         held.append(misses[39] <= width["windows"] * doubt[39])
     assert np.mean(held) == pytest.approx(COVERAGE, abs=0.06)
 
@@ -204,7 +207,7 @@ def test_what_hides_windows_is_not_held_against_a_parse_either():
     truth[60:80, 50:70] = FacadeClass.WALL
     seen = compare_parse_with_truth(parsing, truth, possible(truth))
     assert (seen.misses.windows, seen.hidden_part.windows) == (1, pytest.approx(1))
-    assert certainty.fit_calibration([seen])["widths"]["windows"] == 0
+    assert fit_calibration([seen])["widths"]["windows"] == 0
 
 
 def test_a_model_that_says_nothing_of_it_is_refused(tmp_path):

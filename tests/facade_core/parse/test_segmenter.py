@@ -169,9 +169,9 @@ def test_refuses_a_missing_model(tmp_path):
 
 
 def test_held_out_facades_and_their_lower_storeys(data):
-    from training.datasets.facades import read_ecp_facades, split_facades_for_training
+    from training.datasets.facades import ECP, read_dataset, split_facades_for_training
 
-    _, held_out = split_facades_for_training(list(read_ecp_facades(data / "facades" / "ecp")))
+    _, held_out = split_facades_for_training(list(read_dataset(ECP, data / "facades" / "ecp")))
     whole = [agreement(facade.labels, parse(facade.image).labels) for facade in held_out[::4]]
     assert np.mean(whole) > 0.84
     storeys = [(facade.image[150:], facade.labels[150:]) for facade in held_out[1::4]]
@@ -193,9 +193,9 @@ def test_sky_street_and_neighbours_of_held_out_facades_are_outside(data):
 
 def test_vehicles_before_held_out_facades_are_in_front_and_what_is_beside_them_is_not(data):
     from benchmarks.in_front import marked, measure_things
-    from training.datasets.facades import read_ecp_facades, split_facades_for_training
+    from training.datasets.facades import ECP, read_dataset, split_facades_for_training
 
-    _, held_out = split_facades_for_training(list(read_ecp_facades(data / "facades" / "ecp")))
+    _, held_out = split_facades_for_training(list(read_dataset(ECP, data / "facades" / "ecp")))
     found = measure_things(held_out[:6], marked(), lambda image: parse(image).occluded)
     vehicles, there = found["vehicles"]
     assert vehicles >= 0.8 * there
