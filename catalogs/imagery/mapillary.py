@@ -123,6 +123,15 @@ def _time_span(dates: str | None) -> tuple[str | None, str | None]:
     return (None if first == ".." else f"{first}T00:00:00Z"), (None if last == ".." else f"{last}T23:59:59Z")
 
 
+def _capture_day(milliseconds: object) -> str | None:
+    taken = finite_float_or_none(milliseconds)
+    return datetime.fromtimestamp(taken / 1000, UTC).date().isoformat() if taken and 0 < taken < 1e14 else None
+
+
+def _author(creator: object) -> str | None:
+    return str(creator.get("username") or creator.get("id") or "") or None if isinstance(creator, Mapping) else None
+
+
 def _parse_record(record: JsonObject) -> RemotePanorama | Fault | None:
     identifier = str(record.get("id") or "")
     kind = str(record.get("camera_type") or "")
@@ -142,16 +151,13 @@ def _parse_record(record: JsonObject) -> RemotePanorama | Fault | None:
         rights = resolve_licence(LICENCE, LICENCE_URL, None)
     except (ValueError, TypeError) as error:
         return panorama_fault(identifier, short_message(error))
-    creator, taken = record.get("creator"), finite_float_or_none(record.get("captured_at"))
     down, across = finite_float_or_none(record.get("height")), finite_float_or_none(record.get("width"))
     return RemotePanorama(
         identifier,
         url,
         pose,
-        captured=datetime.fromtimestamp(taken / 1000, UTC).date().isoformat() if taken and 0 < taken < 1e14 else None,
-        author=str(creator.get("username") or creator.get("id") or "") or None
-        if isinstance(creator, Mapping)
-        else None,
+        captured=_capture_day(record.get("captured_at")),
+        author=_author(record.get("creator")),
         licence=rights,
         licence_url=LICENCE_URL,
         size=(int(down), int(across)) if down and across else None,

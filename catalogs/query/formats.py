@@ -115,14 +115,7 @@ def _format_table(items: pd.DataFrame, asked: Sequence[str]) -> str:
 
     if items.empty:
         return "no facade matches"
-    head = [name for name in _TABLE_COLUMNS if name in items]
-    head[-1:-1] = [name for name in asked if name not in (*_TABLE_COLUMNS, *_CONDITIONAL_COLUMNS)]
-    if "run" in items and items["run"].nunique() > 1:
-        head.insert(0, "run")
-    if "kind" in items and (items["kind"] != "facade").any():
-        head.insert(head.index("id") + 1, "kind")
-    if "reason" in items and items["reason"].notna().any():
-        head.append("reason")
+    head = _table_columns(items, asked)
     rows = [[_format_cell(name, row[name]) for name in head] for row in _records(items)]
     widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
     text = {name for name in head if not is_numeric_dtype(items[name])}
@@ -136,6 +129,19 @@ def _format_table(items: pd.DataFrame, asked: Sequence[str]) -> str:
     return "\n".join(
         [format_line(head), format_line(["-" * width for width in widths]), *map(format_line, rows), count]
     )
+
+
+def _table_columns(items: pd.DataFrame, asked: Sequence[str]) -> list[str]:
+    """Return the columns of a table: the usual ones, those that are asked for, and those that say something here."""
+    head = [name for name in _TABLE_COLUMNS if name in items]
+    head[-1:-1] = [name for name in asked if name not in (*_TABLE_COLUMNS, *_CONDITIONAL_COLUMNS)]
+    if "run" in items and items["run"].nunique() > 1:
+        head.insert(0, "run")
+    if "kind" in items and (items["kind"] != "facade").any():
+        head.insert(head.index("id") + 1, "kind")
+    if "reason" in items and items["reason"].notna().any():
+        head.append("reason")
+    return head
 
 
 def _format_cell(name: str, value: object) -> str:

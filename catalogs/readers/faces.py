@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import mapbox_earcut
 import numpy as np
@@ -75,12 +76,13 @@ def triangulate_faces(
     rings = [[np.asarray(ring, np.float64) for ring in face.rings if len(ring) >= 3] for face in faces]
     if not faces:
         return None
-    most = max(sum(map(len, group)) for group in rings)
+    counts = [sum(map(len, group)) for group in rings]
+    most = max(counts)
     if most > LIMITS.max_corners:
         raise GeometryError(
             f"a face of it has {most} corners, more than {LIMITS.max_corners}; cut it up, or simplify it"
         )
-    points = np.concatenate([ring for group in rings for ring in group])
+    points = np.concatenate([*chain.from_iterable(rings)])
     cut, owner = _triangulate(points, [[len(ring) for ring in group] for group in rings], metres_per_unit)
     if len(cut) == 0:
         return None
@@ -88,9 +90,7 @@ def triangulate_faces(
     texture = np.array([-1 if face.uv is None else face.texture for face in faces], np.int32)
     uv = np.zeros((len(cut), 3, 2), np.float32)
     if (texture >= 0).any():
-        uv = np.concatenate([_face_uv(face, sum(map(len, group))) for face, group in zip(faces, rings, strict=True)])[
-            cut
-        ]
+        uv = np.concatenate([_face_uv(face, count) for face, count in zip(faces, counts, strict=True)])[cut]
     vertices, index = np.unique(points[cut].reshape(-1, 3), axis=0, return_inverse=True)
     return BuildingShell(
         vertices=vertices,

@@ -148,9 +148,6 @@ class CameraReading:
     max_images : pictures of a model.
     max_name_bytes : name of a picture.
     max_line_bytes : Bytes of a line that lists points of a picture.
-    checked_points : points by which rotations are checked.
-    min_checked_points : fewer points check nothing.
-    min_seen_share : points that must be in the pictures they were found in.
     min_gps_pictures : pictures with GPS that a placement needs.
     min_gps_span_m : distance that they must span.
     gps_sigma_m : Expected error of GPS, metres; larger ones count less.
@@ -186,9 +183,6 @@ class CameraReading:
     max_images: int = 200_000
     max_name_bytes: int = 4096
     max_line_bytes: int = 64 * 2**20
-    checked_points: int = 3000
-    min_checked_points: int = 50
-    min_seen_share: float = 0.5
     min_gps_pictures: int = 3
     min_gps_span_m: float = 15.0
     gps_sigma_m: float = 3.0

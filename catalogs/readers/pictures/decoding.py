@@ -136,23 +136,32 @@ def open_picture(path: Path) -> Iterator[Image]:
     except Image.DecompressionBombError as error:
         raise _size_error(path, PICTURES.max_pixels) from error
     except UnidentifiedImageError as error:
-        if path.stat().st_size == 0:
-            raise ImageError(f"{path.name} is empty; copy it again, or remove it") from error
-        raise ImageError(
-            f"{path.name} cannot be opened as a picture: it is none of {', '.join(PILLOW_FORMATS)}, "
-            "or a variant that is not read; save it as PNG or JPEG of 8 bits"
-        ) from error
+        raise ImageError(_unidentified_message(path)) from error
     except Exception as error:  # decoders raise errors of any class
         if is_system_error(error) and not (isinstance(error, OSError) and is_unreadable_file(error)):
             raise
-        if isinstance(error, OSError) and is_unreadable_file(error):
-            raise ImageError(unreadable_message(path, error)) from error
-        if isinstance(error, InputError):  # a folder, a pipe or a device
-            raise ImageError(f"{error}") from error
-        if "image file is truncated" in str(error):
-            raise ImageError(f"{path.name} is cut off; {REMEDY}") from error
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else short_message(error)
-        raise ImageError(f"{path.name} cannot be opened as a picture ({reason}); {REMEDY}") from error
+        raise ImageError(_defect_message(path, error)) from error
+
+
+def _unidentified_message(path: Path) -> str:
+    if path.stat().st_size == 0:
+        return f"{path.name} is empty; copy it again, or remove it"
+    return (
+        f"{path.name} cannot be opened as a picture: it is none of {', '.join(PILLOW_FORMATS)}, "
+        "or a variant that is not read; save it as PNG or JPEG of 8 bits"
+    )
+
+
+def _defect_message(path: Path, error: Exception) -> str:
+    """Return the message for an error of a decoder, or of opening a file."""
+    if isinstance(error, OSError) and is_unreadable_file(error):
+        return unreadable_message(path, error)
+    if isinstance(error, InputError):  # a folder, a pipe or a device
+        return str(error)
+    if "image file is truncated" in str(error):
+        return f"{path.name} is cut off; {REMEDY}"
+    reason = error.strerror if isinstance(error, OSError) and error.strerror else short_message(error)
+    return f"{path.name} cannot be opened as a picture ({reason}); {REMEDY}"
 
 
 def is_unreadable_file(error: OSError) -> bool:

@@ -22,7 +22,7 @@ from catalogs.readers.pictures.pose_fields import (
     read_field,
 )
 from catalogs.readers.pictures.pose_records import PoseRecord, csv_records, json_records
-from catalogs.readers.pictures.source_poses import SourcePose, degrees_from_dms, finite_number
+from catalogs.readers.pictures.source_poses import SourcePose, TagValue, degrees_from_dms, finite_number
 from catalogs.readers.settings import PICTURES
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject, JsonValue
@@ -137,20 +137,16 @@ def _parse_pose(record: JsonObject, crs: str | None) -> SourcePose:
     value = {
         key: finite_number(read_field(record, key, crs), key) for key in FIELD_NAMES if key not in ("file", "captured")
     }
-    x, y, heading = value["x"], value["y"], value["heading"]
-    lon, lat = value["lon"], value["lat"]
     gps = record.get("exif_gps") or {}
-    if (lon is None or lat is None) and "GPSLongitude" in gps and "GPSLatitude" in gps:
-        lon = degrees_from_dms(gps["GPSLongitude"], gps.get("GPSLongitudeRef"))
-        lat = degrees_from_dms(gps["GPSLatitude"], gps.get("GPSLatitudeRef"))
-    tagged = finite_number(gps.get("GPSImgDirection"), "GPSImgDirection")
+    x, y = value["x"], value["y"]
+    if (place := _lonlat(value, gps)) is not None:
+        x, y, crs = *place, LONLAT
+    if x is None or y is None:
+        raise ValueError("neither x and y nor lon and lat are given")
+    heading, tagged = value["heading"], finite_number(gps.get("GPSImgDirection"), "GPSImgDirection")
     # the list's own heading is the tag rounded to whole degrees
     if tagged is not None and (heading is None or abs(tagged - heading) <= 0.5):
         heading = tagged
-    if lon is not None and lat is not None:
-        x, y, crs = lon, lat, LONLAT
-    if x is None or y is None:
-        raise ValueError("neither x and y nor lon and lat are given")
     return SourcePose(
         crs,
         x,
@@ -160,6 +156,19 @@ def _parse_pose(record: JsonObject, crs: str | None) -> SourcePose:
         value["pitch"] or 0.0,
         value["roll"] or 0.0,
         parse_capture_day(record[taken] if (taken := find_field(record, "captured")) else None),
+    )
+
+
+def _lonlat(value: Mapping[str, float | None], gps: Mapping[str, TagValue]) -> tuple[float, float] | None:
+    """Return the longitude and latitude of fields, else of EXIF's tags; None without both."""
+    lon, lat = value["lon"], value["lat"]
+    if lon is not None and lat is not None:
+        return lon, lat
+    if "GPSLongitude" not in gps or "GPSLatitude" not in gps:
+        return None
+    return (
+        degrees_from_dms(gps["GPSLongitude"], gps.get("GPSLongitudeRef")),
+        degrees_from_dms(gps["GPSLatitude"], gps.get("GPSLatitudeRef")),
     )
 
 

@@ -1,11 +1,10 @@
-"""Reader of COLMAP models, text and binary: cameras, images, and points to check them by."""
+"""Reader of COLMAP models, text and binary: cameras and images."""
 
 from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
 from io import BufferedReader
-from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -19,9 +18,7 @@ from catalogs.readers.pictures.cameras.camera_file import (
     rotation_from_quaternion,
 )
 from catalogs.readers.settings import CAMERAS
-from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
-from facade_core.core.lens_projection import project_camera_rays
 from facade_core.core.regular_files import open_regular
 from facade_core.core.types import Lens
 
@@ -41,7 +38,7 @@ def read_colmap(path: Path) -> CameraFile:
     Raises
     ------
     InputError
-        Where a file of the model is missing, is no such file, or the points contradict the rotations.
+        Where a file of the model is missing, or is no such file.
     """
     folder = path if path.is_dir() else path.parent
     suffix = ".bin" if (path.suffix == ".bin" if path.is_file() else not (folder / "images.txt").is_file()) else ".txt"
@@ -56,17 +53,14 @@ def read_colmap(path: Path) -> CameraFile:
     except (ValueError, struct.error, IndexError, OverflowError) as error:
         raise InputError(f"{files[0]} is not COLMAP's ({short_message(error)}); export the model again") from error
     cameras: dict[str, SourceCamera | str] = {}
-    numbers: dict[int, str] = {}
     try:
         with open_regular(files[1], CAMERAS.max_images_bytes) as stream:
-            for number, values, camera, name in _text_images(stream) if is_text else _binary_images(stream):
+            for _, values, camera, name in _text_images(stream) if is_text else _binary_images(stream):
                 if len(cameras) >= CAMERAS.max_images:
                     raise ValueError(f"it has more than {CAMERAS.max_images} pictures")
-                numbers[number] = name
                 cameras[name] = _camera(files[1].name, name, values, lenses.get(camera, "its camera is not listed"))
     except (ValueError, struct.error, IndexError, OverflowError) as error:
         raise InputError(f"{files[1]} is not COLMAP's ({short_message(error)}); export the model again") from error
-    _check_by_points(folder / f"points3D{suffix}", {n: cameras[name] for n, name in numbers.items()}, is_text=is_text)
     return CameraFile(files[1].name, cameras, is_local=True)
 
 
@@ -162,44 +156,3 @@ def _binary_images(stream: BufferedReader) -> Iterator[tuple[int, list[float], i
         (points,) = _unpack(stream, "Q")
         stream.seek(int(points) * _POINT_BYTES, 1)
         yield int(number), list(values), int(camera), name.decode(errors="replace")
-
-
-def _check_by_points(path: Path, cameras: dict[int, SourceCamera | str], *, is_text: bool) -> None:
-    """Raise InputError where most points of the model are outside of the pictures in which they were found."""
-    if not path.is_file():
-        return
-    seen = total = 0
-    try:
-        with open_regular(path, CAMERAS.max_images_bytes) as stream:
-            for point, track in islice(
-                _text_points(stream) if is_text else _binary_points(stream), CAMERAS.checked_points
-            ):
-                for number in track[:20]:
-                    camera = cameras.get(number)
-                    if isinstance(camera, SourceCamera):
-                        share = project_camera_rays(camera.lens((0, 0)), camera.rotation @ (point - camera.centre))
-                        seen += bool(((share >= 0) & (share <= 1)).all())
-                        total += 1
-    except (ValueError, struct.error, IndexError, OverflowError) as error:
-        raise InputError(f"{path} is not COLMAP's ({short_message(error)}); remove it, or export it again") from error
-    if total >= CAMERAS.min_checked_points and seen < CAMERAS.min_seen_share * total:
-        raise InputError(
-            f"{path.parent}: only {100 * seen / total:.0f} % of its points are in the pictures in which they were found; its "
-            "rotations are no COLMAP ones (QW, QX, QY, QZ from world to camera, right-handed): export the model again"
-        )
-
-
-def _text_points(stream: BufferedReader) -> Iterator[tuple[Float64Array, list[int]]]:
-    for line in _text_lines(stream):
-        if values := line.split():
-            yield np.array(values[1:4], np.float64), [int(value) for value in values[8::2]]
-
-
-def _binary_points(stream: BufferedReader) -> Iterator[tuple[Float64Array, list[int]]]:
-    (count,) = _unpack(stream, "Q")
-    for _ in range(int(count)):
-        _, x, y, z, *_, length = _unpack(stream, "Q3d3BdQ")
-        if length > CAMERAS.max_images:
-            raise ValueError("a point has more pictures than a model has")
-        track = np.frombuffer(stream.read(8 * int(length)), "<i4")
-        yield np.array([x, y, z]), track[::2].tolist()

@@ -178,25 +178,30 @@ def _sensor_lens(sensor: Element) -> Lens | str | None:
         return f"its sensor type {kind[:40]} is not read; undistort the pictures in Metashape, and give these"
     size = calibration.find("resolution")
     size = sensor.find("resolution") if size is None else size
-
-    def value(tag: str, default: str = "0") -> float:
-        return float(calibration.findtext(tag) or default)
-
     try:
         if size is None:
             raise ValueError("its sensor states no resolution")
-        width, height = int(size.get("width", "0")), int(size.get("height", "0"))
-        if value("p3") or value("p4"):
-            raise ValueError("its distortion has P3 and P4, which are not read; optimise the cameras without them")
-        if calibration.find("f") is not None:
-            focal = (value("f") + value("b1"), value("f"))
-            centre = (width / 2 + value("cx"), height / 2 + value("cy"))
-            skew = value("b2")
-        else:  # files of before 1.2 count the principal point from the corner
-            focal, centre, skew = (value("fx"), value("fy")), (value("cx"), value("cy")), value("skew")
-        radial = tuple(value(f"k{i}") for i in range(1, 5))
-        # Metashape's P1 belongs to x, OpenCV's p1 to y
-        tangential = (value("p2"), value("p1"))
-        return check_lens(Lens((width, height), focal, centre, radial, (), tangential, skew, fisheye=kind == "fisheye"))
+        return _calibrated_lens(calibration, size, is_fisheye=kind == "fisheye")
     except (ValueError, OverflowError) as error:
         return short_message(error)
+
+
+def _calibrated_lens(calibration: Element, size: Element, *, is_fisheye: bool) -> Lens:
+    """Return the lens of a calibration; ValueError for one that is not read."""
+
+    def value(tag: str) -> float:
+        return float(calibration.findtext(tag) or "0")
+
+    if value("p3") or value("p4"):
+        raise ValueError("its distortion has P3 and P4, which are not read; optimise the cameras without them")
+    width, height = int(size.get("width", "0")), int(size.get("height", "0"))
+    if calibration.find("f") is not None:
+        focal = (value("f") + value("b1"), value("f"))
+        centre = (width / 2 + value("cx"), height / 2 + value("cy"))
+        skew = value("b2")
+    else:  # files of before 1.2 count the principal point from the corner
+        focal, centre, skew = (value("fx"), value("fy")), (value("cx"), value("cy")), value("skew")
+    radial = tuple(value(f"k{i}") for i in range(1, 5))
+    # Metashape's P1 belongs to x, OpenCV's p1 to y
+    tangential = (value("p2"), value("p1"))
+    return check_lens(Lens((width, height), focal, centre, radial, (), tangential, skew, fisheye=is_fisheye))

@@ -261,15 +261,10 @@ def test_equal_names_of_two_folders_are_told(tmp_path: Path, pictures: Path) -> 
     assert "left/1.jpg and right/1.jpg in images.txt may both be it" in found.faults[1].reason
 
 
-def test_quaternions_of_another_order_are_refused(tmp_path: Path, pictures: Path) -> None:
-    model = write_colmap(tmp_path / "model", POSES, SAME, order="xyzw")
-    with pytest.raises(InputError, match=r"only \d+ % of its points are in the pictures in which they were found"):
-        read(pictures, model)
-    # without points the pictures themselves show that none is upright
+def test_quaternions_of_another_order_are_refused(tmp_path: Path) -> None:
     poses = ring(20)
     with_gps = write_pictures(tmp_path / "gps", list(poses), gps=lonlat(poses))
     model = write_colmap(tmp_path / "bare", poses, LOCAL, order="xyzw")
-    (tmp_path / "bare" / "points3D.txt").unlink()
     with pytest.raises(
         InputError, match=r"(look at the sky|tilted every way|upside down).*check the order of quaternions"
     ):
