@@ -116,7 +116,7 @@ def test_notes_on_the_poses_file_are_printed(block_file: Path) -> None:
     ended = CliRunner().invoke(command_line, ["match", str(block_file), str(photos), "--poses", str(poses)])
     assert ended.exit_code == 0, ended.output
     assert "altitude" in ended.output
-    assert "headings of poses.csv taken as degrees, and all are within 6.3" in ended.output
+    assert "fields of poses.csv with numbers that are not used" in ended.output
 
 
 def test_photos_that_a_poses_file_lacks_are_to_be_added_to_it(block_file: Path) -> None:

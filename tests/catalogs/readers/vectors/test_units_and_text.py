@@ -1,4 +1,4 @@
-"""Units of heights, columns that look like heights, and code pages of Shapefiles."""
+"""Units of heights, columns that are not read, and code pages of Shapefiles."""
 
 from __future__ import annotations
 
