@@ -167,6 +167,28 @@ def _footprint_candidates(
     faults: list[Fault],
 ) -> list[_Candidate]:
     """Return the buildings of footprints in the area; `around` receives nearby ones of known height."""
+    pieces = _drop_repeated_outlines(_split_outlines(source, crs, area, reasons, faults), reasons)
+    candidates: list[_Candidate] = []
+    host_indices = host_outline_indices(
+        [outline for _, _, outline in pieces], [footprint.is_part for footprint, _, _ in pieces]
+    )
+    for (footprint, id, outline), host in zip(pieces, host_indices, strict=True):
+        whole = pieces[host][2] if host >= 0 else None
+        inside = area is None or area.contains((outline if whole is None else whole).representative_point())
+        levels = max(1, int(footprint.levels)) if footprint.levels else None
+        building = Building(id, outline, 0.0, "", levels, footprint.name, footprint.base, footprint.roof)
+        candidate = _Candidate(replace(building, finish=footprint.finish), footprint, whole)
+        if inside:
+            candidates.append(candidate)
+        elif _states_floor_height(candidate) and shapely.dwithin(area, outline, SITES.context_distance_m):
+            around.append(candidate)
+    return candidates
+
+
+def _split_outlines(
+    source: Footprints, crs: CRS, area: Polygon | None, reasons: dict[str, list[str]], faults: list[Fault]
+) -> list[tuple[Footprint, str, Polygon]]:
+    """Return each polygon of the footprints in the frame, with its id; broken outlines in the area become faults."""
     assert source.crs is not None
     pieces: list[tuple[Footprint, str, Polygon]] = []
     outlines = _project([footprint.outline for footprint in source.items], source.crs, crs)
@@ -185,22 +207,7 @@ def _footprint_candidates(
             (footprint, footprint.id if len(parts) == 1 else f"{footprint.id}-{index}", part)
             for index, part in enumerate(parts)
         ]
-    pieces = _drop_repeated_outlines(pieces, reasons)
-    candidates: list[_Candidate] = []
-    host_indices = host_outline_indices(
-        [outline for _, _, outline in pieces], [footprint.is_part for footprint, _, _ in pieces]
-    )
-    for (footprint, id, outline), host in zip(pieces, host_indices, strict=True):
-        whole = pieces[host][2] if host >= 0 else None
-        inside = area is None or area.contains((outline if whole is None else whole).representative_point())
-        levels = max(1, int(footprint.levels)) if footprint.levels else None
-        building = Building(id, outline, 0.0, "", levels, footprint.name, footprint.base, footprint.roof)
-        candidate = _Candidate(replace(building, finish=footprint.finish), footprint, whole)
-        if inside:
-            candidates.append(candidate)
-        elif _states_floor_height(candidate) and shapely.dwithin(area, outline, SITES.context_distance_m):
-            around.append(candidate)
-    return candidates
+    return pieces
 
 
 def _split_outline(

@@ -42,14 +42,8 @@ def attach_parts(sources: Sequence[Footprints | BuildingModels], crs: CRS) -> tu
     sources : sources with a CRS.
     crs : frame in which the outlines are compared.
     """
-    entries = [
-        _Entry((number, index), item)
-        for number, source in enumerate(sources)
-        if isinstance(source, Footprints)
-        for index, item in enumerate(source.items)
-    ]
-    several = len({entry.source for entry in entries}) > 1
-    if not any(one.item.whole_id or one.item.has_parts or (several and one.item.is_part) for one in entries):
+    entries = _list_entries(sources)
+    if not _has_parts_elsewhere(entries):
         return tuple(sources)
     parts = [one for one in entries if one.item.whole_id or one.item.is_part]
     wholes = [one for one in entries if _is_whole(one)]
@@ -65,6 +59,20 @@ def attach_parts(sources: Sequence[Footprints | BuildingModels], crs: CRS) -> tu
             source, items=(*kept, *moved), remarks=(*source.remarks, *_note_missing_parts(own, hosts))
         )
     return tuple(result)
+
+
+def _list_entries(sources: Sequence[Footprints | BuildingModels]) -> list[_Entry]:
+    return [
+        _Entry((number, index), item)
+        for number, source in enumerate(sources)
+        if isinstance(source, Footprints)
+        for index, item in enumerate(source.items)
+    ]
+
+
+def _has_parts_elsewhere(entries: Sequence[_Entry]) -> bool:
+    several = len({entry.source for entry in entries}) > 1
+    return any(one.item.whole_id or one.item.has_parts or (several and one.item.is_part) for one in entries)
 
 
 def _note_missing_parts(entries: Sequence[_Entry], hosts: Mapping[tuple[int, int], tuple[int, int]]) -> list[Remark]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from array import array
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -85,20 +85,30 @@ def read_obj_surfaces(path: Path) -> tuple[list[MeshSurface], tuple[Path, ...], 
     objects = {label[0] for label in text.labels} - {None}
     piped = any("|" in (label[1] or "") for label in text.labels)
     by_object = len(objects) > 1 and not piped
-    kinds: list[SurfaceKey | None] = []
-    for label in text.labels:
-        _, group, material = label
-        kind = (group or "").partition("|")[2]
-        semantic = semantic_from_names(kind, group if by_object or is_surface_name(group or "") else None, material)
-        picture, placement = pictures.get(material or "", (None, TexturePlacement()))
-        texture = -1 if picture is None else textures.index(picture)
-        building = _building_name(label, by_object)
-        colour = colours.get(material or "") if picture is None else None
-        kinds.append(None if is_interior_class(kind) else (building, semantic, texture, placement, colour))
+    kinds = [_surface_key(label, by_object, pictures, textures, colours) for label in text.labels]
     named = {_building_name(label, by_object) for label in text.labels}
     empty = sorted({_building_name(label, by_object) for label in text.declared} - named - {None}, key=str)
     faults = [Fault(str(name), "building", f"group {name} of {path.name} has no faces; give it some") for name in empty]
     return list(_build_surfaces(text, kinds)), textures, remarks, faults
+
+
+def _surface_key(
+    label: FaceLabel,
+    by_object: bool,
+    pictures: Mapping[str, tuple[Path, TexturePlacement]],
+    textures: Sequence[Path],
+    colours: Mapping[str, Colour],
+) -> SurfaceKey | None:
+    """Return the surface of a label; None for an interior."""
+    _, group, material = label
+    kind = (group or "").partition("|")[2]
+    if is_interior_class(kind):
+        return None
+    semantic = semantic_from_names(kind, group if by_object or is_surface_name(group or "") else None, material)
+    picture, placement = pictures.get(material or "", (None, TexturePlacement()))
+    texture = -1 if picture is None else textures.index(picture)
+    colour = colours.get(material or "") if picture is None else None
+    return _building_name(label, by_object), semantic, texture, placement, colour
 
 
 def _building_name(label: FaceLabel, by_object: bool) -> str | None:
