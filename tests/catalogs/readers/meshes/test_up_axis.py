@@ -154,7 +154,7 @@ def test_the_key_up_of_a_block_file(tmp_path: Path) -> None:
     write_boxes(tmp_path / "b.obj", y_up=True)
     (building,) = read_block(block(tmp_path, "b.obj", "y")).buildings
     assert (building.height, building.base, building.footprint.area) == (12, 0, 126)
-    with pytest.raises(BlockFileError, match=r"buildings\.up.*choose 'y' or 'z'"):
+    with pytest.raises(BlockFileError, match=r"buildings\.up: 'x' is not `y` or `z`"):
         read_block(block(tmp_path, "b.obj", "x"))
     (tmp_path / "b.geojson").write_text('{"type": "FeatureCollection", "features": []}')
     with pytest.raises(BlockFileError, match=r"buildings\.up.*b\.geojson is not; remove it"):
