@@ -69,6 +69,8 @@ def test_training_is_a_package_of_its_own(installed: Path, tmp_path: Path) -> No
     parts = ", ".join(f"training.{name}" for name in ("layout.train", "parser.train", "translator.train", "windows"))
     imported = run(tmp_path / "site", "-c", f"import {parts}", without_clone=True)
     assert imported.returncode == 0, imported.stderr
+    bench = run(tmp_path / "site", "-m", "flows", "bench", without_clone=True)
+    assert bench.stderr.startswith("streetloom: bench: benchmarks come with a clone"), bench.stderr
 
 
 def test_training_has_the_version_of_the_package() -> None:
