@@ -99,7 +99,7 @@ review: setup  ## Write a bill of materials (out/sbom.json, CycloneDX), and list
 	.venv/review/bin/pip-audit --disable-pip --require-hashes -r deploy/constraints/runtime.txt
 
 bench: setup  ## Measure the demo's block; docs/figures.md names the command of each other figure
-	$(BIN)/streetloom bench block --json
+	$(BIN)/streetloom bench demo_time --json
 
 figures: setup  ## Write docs/figures.md from rows and records; `python -m benchmarks.figures NAME DIR=../shared/data` first measures a record again
 	$(BIN)/python -m benchmarks.figures

@@ -2,10 +2,7 @@
 
 amsterdam: real panoramas against known walls. Per wall and panorama the tilt of the dominant level and upright edges of the
 rectified wall, in degrees, with the given pose and the refined one; walls seen by two panoramas are compared with each other
-and with the fused raster (SSIM on texels that both show). synthetic: a street whose textures are known, panoramas with
-cut-outs before the walls, poses off by 0.3 m and 1 degree: errors of the poses, and PSNR of the recovered facades on the
-texels that are shown, a factor per channel aside. speed: a facade of 15 x 20 m at 40 pixels per metre from three panoramas
-of 8192 x 4096 on two threads, seconds.
+and with the fused raster (SSIM on texels that both show).
 """
 
 from __future__ import annotations
@@ -14,16 +11,14 @@ import argparse
 import json
 import os
 import statistics
-import time
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.painter.street_truth import SyntheticStreet, cutout_mask, render_street_panorama, synthetic_street
+from benchmarks.painter.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.types import Pose
 from facade_core.geometry.chart_packing import pack_charts
@@ -157,43 +152,6 @@ def street_with_cameras(
     return street, true, given, images
 
 
-def synthetic(*, seed: int = 3, buildings: int = 8, panoramas: int = 4, width: int = 4096) -> dict[str, Any]:
-    """A street with truth: pose errors before and after, PSNR with and without refinement and fusion."""
-    street, true, given, images = street_with_cameras(seed, buildings, panoramas, width)
-    refined = [refine_pose(street.scene, image, pose).pose for image, pose in zip(images, given, strict=True)]
-    return {
-        "pose_errors": {"before": pose_errors(given, true), "after": pose_errors(refined, true)},
-        "psnr": {
-            name: _recovered(street, images, true, poses)
-            for name, poses in (("given", given), ("refined", refined), ("true", true))
-        },
-        "facades": buildings,
-        "panoramas": panoramas,
-        "width": width,
-    }
-
-
-def speed(*, width: int = 8192, density: float = 40.0, repeats: int = 3) -> dict[str, float]:
-    """Seconds to rectify three panoramas and fuse them, threads 2; noise is what a graph cut finds hardest."""
-    wall = np.array([[[0, 0, 20], [15, 0, 20], [15, 0, 0], [0, 0, 0]]], np.float64)
-    post = wall * [0.1, 1, 0.4] + [5.0, -4.0, 0]
-    scene = scene_of_walls(np.concatenate([wall, post]), density)
-    image = np.random.default_rng(0).integers(0, 256, (width // 2, width, 3), dtype=np.uint8)
-    poses = [Pose(7.0, -12.0, 2.5, 0.0), Pose(2.0, -10.0, 2.5, 30.0), Pose(13.0, -10.0, 2.5, 300.0)]
-    size = (int(scene.placement.height[0]), int(scene.placement.width[0]))
-    seconds: dict[str, list[float]] = {"rectify": [], "fuse": []}
-    with ThreadPoolExecutor(2) as threads:
-        for _ in range(repeats + 1):
-            start = time.perf_counter()
-            views = list(threads.map(lambda pose: rectify_chart_from_panorama(scene, 0, image, pose, size), poses))
-            between = time.perf_counter()
-            fuse_views(views)
-            seconds["rectify"].append(between - start)
-            seconds["fuse"].append(time.perf_counter() - between)
-    medians = {name: round(statistics.median(values[1:]), 3) for name, values in seconds.items()}
-    return {**medians, "together": round(sum(medians.values()), 3)}
-
-
 _FACTS = (
     "given_degrees",
     "residual_degrees",
@@ -205,32 +163,6 @@ _FACTS = (
     "outlines",
     "reasons",
 )
-
-
-def _recovered(
-    street: SyntheticStreet, images: Sequence[np.ndarray], true: Sequence[Pose], poses: Sequence[Pose]
-) -> dict[str, float]:
-    """Means over facades: PSNR in dB of the best view alone and of the fused raster; the share of clear texels of each."""
-    best, fused, covered, covered_by_best = [], [], [], []
-    for facade, chart in enumerate(street.charts):
-        truth = street.facades[facade].image
-        size = truth.shape[:2]
-        shown = find_sightings(street.scene, chart, poses, [image.shape[:2] for image in images])[:VIEWS]
-        views = []
-        for s in shown:
-            view = rectify_chart_from_panorama(street.scene, chart, images[s.panorama], poses[s.panorama], size)
-            before = cutout_mask(street, facade, true[s.panorama], size, assumed_pose=poses[s.panorama])
-            views.append(replace(view, occluded=before))
-        if not views:
-            continue
-        whole = fuse_views(views)
-        best.append(psnr(views[0].rgb, truth, views[0].clear))
-        fused.append(psnr(whole.rgb, truth, whole.seen & ~whole.occluded))
-        covered.append(float((whole.seen & ~whole.occluded).mean()))
-        covered_by_best.append(float(views[0].clear.mean()))
-    means = (statistics.mean(values) for values in (best, fused, covered_by_best, covered))
-    names = ("best_view", "fused", "best_view_clear", "fused_clear")
-    return {name: round(value, 3) for name, value in zip(names, means, strict=True)}
 
 
 def psnr(image: np.ndarray, truth: np.ndarray, shown: np.ndarray) -> float:
@@ -286,24 +218,16 @@ def read(path: Path) -> np.ndarray:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description="Posed panoramas against known walls, and a street with truth.")
+    parser = argparse.ArgumentParser(description="Posed panoramas against known walls.")
     parser.add_argument(
         "--data",
         type=Path,
         default=Path(os.environ.get("STREETLOOM_DATA", "../shared/data")),
         help="folder with city/amsterdam",
     )
-    parser.add_argument("--parts", nargs="*", choices=["amsterdam", "synthetic", "speed"], help="all without it")
+    parser.add_argument("--parts", nargs="*", choices=["amsterdam"], help="the one part there is")
     options = parser.parse_args(arguments)
-    chosen = options.parts or ["amsterdam", "synthetic", "speed"]
-    result: dict[str, Any] = {"benchmark": "imagery"}
-    if "amsterdam" in chosen:
-        result["amsterdam"] = amsterdam(options.data / "city" / "amsterdam")
-    if "synthetic" in chosen:
-        result["synthetic"] = synthetic()
-    if "speed" in chosen:
-        result["speed"] = speed()
-    print(json.dumps(result))
+    print(json.dumps({"benchmark": "imagery", "amsterdam": amsterdam(options.data / "city" / "amsterdam")}))
 
 
 if __name__ == "__main__":

@@ -19,8 +19,8 @@ from benchmarks.cameras import POSE_NOISE_DEG, POSE_NOISE_M, photographed_street
 from benchmarks.painter.exemplars import paint_exemplar
 from benchmarks.painter.street_paint import ground_pattern_painter, side_pattern_painter
 from benchmarks.painter.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
-from benchmarks.rectification import camera as photographer
-from benchmarks.rectification import photograph
+from benchmarks.photographs import camera as photographer
+from benchmarks.photographs import photograph
 from facade_core.atlas.rasters import read_chart_raster
 from facade_core.core.types import Pose, Street
 from facade_core.export.pictures.rendering import encode_image, render_perspective

@@ -3,7 +3,7 @@
 A cut of Delfshaven is run with `imagery.style` of every fourth picture of ECP (Paris), then of CMP (several cities), and
 without imagery. Views at eye height are taken at the same places of all. The other pictures are seen as walls along a street,
 and a logistic regression learns from two thirds of them to which set a square of wall belongs, by the features of
-`benchmarks.look`. The pictures are reduced to the density of the block's textures. A view is classified by the mean over its
+`image_features`. The pictures are reduced to the density of the block's textures. A view is classified by the mean over its
 squares.
 
 real_accuracy: share of the last third of pictures that are classified correctly. recall_first, recall_second: share of the
@@ -29,7 +29,6 @@ from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from benchmarks.city.runs import run
-from benchmarks.exemplar_walls import CUT
 from benchmarks.look.outputs import Output, read_output
 from benchmarks.look.views import EYE_M, FIELD_OF_VIEW, PITCH, SIZE, TURNED, View, render, street_cameras
 from catalogs.examples.sources import EXAMPLE_BLOCKS_FOLDER
@@ -41,6 +40,8 @@ from training.datasets.facades import CMP, ECP, DatasetRecipe, LabelledFacade, r
 from training.translator.kernel_distance import image_features
 
 CITIES: tuple[DatasetRecipe, DatasetRecipe] = (ECP, CMP)
+# Cut of Delfshaven, degrees: west, south, east, north.
+CUT = (4.45283, 51.90518, 4.45352, 51.90576)
 # Every so many pictures are harvested; of the others every third is kept for `real_accuracy`; as many of each city are used.
 HARVEST_STEP, REAL_STEP, MAX_REAL = 4, 3, 60
 VIEWS, SEED = 60, 24

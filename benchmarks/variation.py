@@ -21,7 +21,7 @@ import numpy as np
 from PIL import Image
 
 from benchmarks.labelled_facades import elements_of, facades
-from benchmarks.papers_codec import papers_file
+from benchmarks.papers.variation_codec import papers_file
 from benchmarks.window_types import labelled, planted
 from facade_core.core.types import Element
 from facade_core.facade.variation.codec import AVIF_OPTIONS

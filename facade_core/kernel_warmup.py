@@ -62,7 +62,7 @@ def compile_texture_kernels() -> None:
     build_facade_from_exemplar(style, wall, raster)
     hidden = np.zeros((height, width), bool)
     hidden[height // 2 :, : width // 3] = True
-    inpaint(image, hidden, labels=labels, elements=elements, method="floors")
+    inpaint(image, hidden, labels=labels, elements=elements)
 
 
 def compile_street_kernels() -> None:

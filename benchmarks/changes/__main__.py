@@ -6,9 +6,6 @@ changed between and once with each kind of change. By kind: true, the share of w
 off, the mean difference of these; at 0.3: found, of the pairs in which 0.3 or more changed, told to be above 0.3; alarms, of
 those in which nothing did. auc: nothing against each kind, by the score alone. cells: precision and recall of changed places.
 
-real: photos of RueMonge that show one wall from two places a few metres apart, on one day (its mouldings and balconies are
-displaced, its panes mirror other things; nothing changed): alarms; and with a part of another wall laid over one of them.
-
 `--fit` prints the weights of `facade_core.imagery.rectify.change_detection`, fitted on 40 of the other facades of ecp.
 """
 
@@ -18,21 +15,17 @@ import argparse
 import json
 import os
 from collections.abc import Iterator, Sequence
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmarks.changes.pairs import KINDS, Pair, pair_of
-from benchmarks.changes.walls import real_pairs
 from facade_core.imagery.rectify.change_detection import change_cues, detect_changes
 from training.datasets.facades import ECP, LabelledFacade, read_dataset, split_facades_for_training
 
 FITTED, UNCHANGED = 40, 3
 AT = 0.3
-# Pairs of real photos, half of them with nothing changed.
-REAL = 40
 
 
 def pairs(facades: Sequence[LabelledFacade], others: Sequence[LabelledFacade], seed: int) -> Iterator[tuple[str, Pair]]:
@@ -105,17 +98,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Changes of facades told from two captures.")
     parser.add_argument("--data", type=Path, default=Path(os.environ.get("STREETLOOM_DATA", "../shared/data")))
     parser.add_argument("--fit", action="store_true", help="print the weights that other facades give")
-    parser.add_argument("--only", choices=("made", "real"))
+    parser.add_argument("--only", choices=("made",), help="the one part there is")
     options = parser.parse_args()
     if options.fit:
         print(json.dumps(fit(options.data)))
         return
     result: dict[str, Any] = {"benchmark": "changes"}
-    if options.only != "real":
-        others, held_out = split_facades_for_training(list(read_dataset(ECP, options.data / "facades" / "ecp")))
-        result["made"] = measure(pairs(held_out, others, 1))
-    if options.only != "made":
-        result["real"] = measure(islice(real_pairs(options.data / "facades" / "ruemonge2014" / "val"), REAL))
+    others, held_out = split_facades_for_training(list(read_dataset(ECP, options.data / "facades" / "ecp")))
+    result["made"] = measure(pairs(held_out, others, 1))
     print(json.dumps(result))
 
 

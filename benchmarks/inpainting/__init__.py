@@ -2,16 +2,15 @@
 
 40 facades of ecp and cmp without much else in view, held out of the training of the parser and of the layout model, each with
 cut-outs of occluders/ put in front until 8 to 30 % are hidden. Inside the holes: PSNR (dB) and SSIM, means over facades;
-perceptual, a distance of EfficientNet-Lite0's features (deploy/peers/perceptual.py); gradient_energy, that of the result over
+perceptual, a distance of features of EfficientNet-Lite0; gradient_energy, that of the result over
 the truth's (1 is as sharp), bands the same for details of about 1-2, 2-4 and 4-8 px; structure, mIoU of `parse` of the result
 against the true labels over all holes together, beside that of the photo itself; hidden_rows, the share of the pixels that
 `parse` gets right in holes where under a tenth of the row is visible; door_recall and door_precision, of the pixels of doors in
 holes; seconds, the median. A method is sharp with gradient_energy 0.8 to 1.2.
 
 Our methods get the parse of the visible part, and in "+ layout" the completed layout too. Peers are the
-floors paper's own method (clone_and_split), OpenCV's Telea and Navier-Stokes, scikit-image's biharmonic (at a quarter of the
-size), and in environments of their own pypatchmatch, patchmatch-cython, object-remove and opencv-contrib's shift map. A peer
-that cannot be installed or fails is skipped, with its reason. --methods names those to measure.
+floors paper's own method (clone_and_split), OpenCV's Telea and Navier-Stokes, and scikit-image's biharmonic (at a quarter of
+the size). --methods names those to measure.
 """
 
 from __future__ import annotations
@@ -24,15 +23,16 @@ import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.inpainting import peers
 from benchmarks.inpainting.cases import Case, cases
-from benchmarks.inpainting.clone_and_split import clone_and_split
-from benchmarks.inpainting.floor_pitch import estimate_bay_width, estimate_floor_height
+from benchmarks.inpainting.perceptual import perceptual_distance
+from benchmarks.papers.clone_and_split import clone_and_split
+from benchmarks.papers.tile_inpainting import inpaint_by_tiles
 from benchmarks.parsing import confusion, scores
 from facade_core.core.labels import CLASSES, UNKNOWN, FacadeClass
 from facade_core.core.types import Element
@@ -41,9 +41,7 @@ from facade_core.parsing.elements import elements
 from facade_core.parsing.segmenter import parse
 
 OURS = tuple(f"{method}{given}" for method in ("floors", "tiles") for given in ("", " + layout"))
-IN_PROCESS = ("clone_and_split", "telea", "navier_stokes", "biharmonic", *OURS)
-PEERS = ("pypatchmatch", "patchmatch-cython", "object-remove", "shiftmap")
-METHODS = (*IN_PROCESS, *PEERS)
+METHODS = ("clone_and_split", "telea", "navier_stokes", "biharmonic", *OURS)
 SHARP = (0.8, 1.2)
 _VISIBLE = 0.1  # share of a row below which it counts as hidden
 _HIDDEN = 0.3  # an element hidden by more than this share was not observed
@@ -83,8 +81,8 @@ def in_process(case: Case) -> dict[str, Callable[[], np.ndarray]]:
     labels, layout = observe(case)
     for name in OURS:
         method, _, given = name.partition(" + ")
-        known = {"labels": labels, "elements": layout if given else None, "method": method}
-        calls[name] = lambda known=known: inpaint(hidden, case.mask, **known)  # type: ignore[misc]
+        fill = inpaint if method == "floors" else inpaint_by_tiles
+        calls[name] = partial(fill, hidden, case.mask, labels=labels, elements=layout if given else ())
     return calls
 
 
@@ -126,65 +124,33 @@ def _energies(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
     return np.array([band[mask].mean() for band in (across**2 + down**2, *details)])
 
 
-def measure(
-    chosen: Sequence[Case], work: Path, environments: Path, only: Sequence[str] = ()
-) -> tuple[dict[str, Any], dict[str, str]]:
-    """All figures by method, and by peer why it was skipped; pictures are left in `work` as CASE.METHOD.png. `only` names
-    methods, and peers as a whole; all where it is empty."""
+def measure(chosen: Sequence[Case], work: Path, only: Sequence[str] = ()) -> dict[str, Any]:
+    """Return all figures by method; pictures are left in `work` as CASE.METHOD.png. `only` names methods; all if empty."""
     from PIL import Image
 
-    seconds: dict[str, list[float]] = {}
-    for case in chosen:
-        rng = np.random.default_rng(0)
-        pitch = [
-            p or 64
-            for p in (estimate_floor_height(case.image, case.mask, rng), estimate_bay_width(case.image, case.mask, rng))
-        ]
-        (work / f"{case.name}.pitch.json").write_text(json.dumps(pitch))
-        files = {"truth": case.truth, "image": case.image, "mask": case.mask.astype(np.uint8) * 255}
-        for kind, picture in files.items():
-            Image.fromarray(picture).save(work / f"{case.name}.{kind}.png")
-    first = True
-    for case in chosen if not only or set(only) - set(PEERS) else ():
-        for name, call in in_process(case).items():
-            if only and name not in only:
-                continue
-            if first:
-                call()  # compiles
+    names = only or METHODS
+    rows: dict[str, list[dict[str, float]]] = {name: [] for name in names}
+    parsed: dict[str, list[np.ndarray]] = {name: [] for name in names}
+    for number, case in enumerate(chosen):
+        calls = in_process(case)
+        for name in names:
+            if not number:
+                calls[name]()  # compiles
             start = time.perf_counter()
-            filled = call()
-            seconds.setdefault(name, []).append(time.perf_counter() - start)
+            filled = calls[name]()
+            seconds = time.perf_counter() - start
             Image.fromarray(filled).save(work / f"{case.name}.{name}.png")
-        first = False
-    skipped = {}
-    for peer in PEERS:
-        if not only or peer in only:
-            try:
-                seconds |= peers.run(peer, environments, work, work)
-            except RuntimeError as error:
-                skipped[peer] = str(error)
-    try:
-        perceptual = peers.run("perceptual", environments, work, work, *seconds)
-    except RuntimeError as error:
-        perceptual, skipped["perceptual"] = {}, str(error)
-    figures = {name: _figures(name, chosen, work) for name in seconds}
-    for name, taken in seconds.items():
-        figures[name]["seconds"] = round(statistics.median(taken), 3)
-    for name, values in perceptual.items():
-        figures[name]["perceptual"] = round(float(np.mean(values)), 3)
-    return figures, skipped
-
-
-def _figures(method: str, chosen: Sequence[Case], work: Path) -> dict[str, Any]:
-    from PIL import Image
-
-    rows, parsed = [], []
-    for case in chosen:
-        filled = np.asarray(Image.open(work / f"{case.name}.{method}.png"))
-        rows.append(similarity(filled, case.truth, case.mask))
-        parsed.append(parse(filled).labels)
-    means = {name: round(float(np.mean([row[name] for row in rows])), 3) for name in rows[0]}
-    return {**means, **structure(chosen, parsed)}
+            perceptual = perceptual_distance(filled, case.truth, case.mask)
+            rows[name].append(
+                similarity(filled, case.truth, case.mask) | {"perceptual": perceptual, "seconds": seconds}
+            )
+            parsed[name].append(parse(filled).labels)
+    figures: dict[str, Any] = {}
+    for name, each in rows.items():
+        means = {key: round(float(np.mean([row[key] for row in each])), 3) for key in each[0]}
+        figures[name] = means | structure(chosen, parsed[name])
+        figures[name]["seconds"] = round(statistics.median(row["seconds"] for row in each), 3)
+    return figures
 
 
 def structure(chosen: Sequence[Case], parsed: Sequence[np.ndarray]) -> dict[str, Any]:
@@ -236,12 +202,6 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--count", type=int, default=40, help="facades [40]")
     parser.add_argument("--out", type=Path, help="folder that keeps the pictures")
     parser.add_argument(
-        "--environments",
-        type=Path,
-        default=Path.home() / ".cache" / "streetloom" / "peers",
-        help="folder for the peers' environments, made on demand: some gigabytes",
-    )
-    parser.add_argument(
         "--methods", nargs="*", default=[], choices=METHODS, metavar="METHOD", help="which to measure [all]"
     )
     options = parser.parse_args(arguments)
@@ -249,14 +209,13 @@ def main(arguments: list[str] | None = None) -> None:
     with tempfile.TemporaryDirectory() as scratch:
         work = options.out or Path(scratch)
         work.mkdir(parents=True, exist_ok=True)
-        figures, skipped = measure(chosen, work, options.environments, options.methods)
+        figures = measure(chosen, work, options.methods)
     result = {
         "benchmark": "inpainting",
         "facades": len(chosen),
         "hidden": [round(float(f([c.mask.mean() for c in chosen])), 3) for f in (min, np.mean, max)],
         "photo": structure(chosen, [parse(case.truth).labels for case in chosen]),
         "methods": figures,
-        "skipped": skipped,
         "goals": {name: goals(figures, name) for name in OURS if name in figures},
     }
     print(json.dumps(result))

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.layout.baselines import Method, rows_of
+from benchmarks.papers.completion import Method, rows_of
 from catalogs.readers.layouts import LayoutRecord
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Element

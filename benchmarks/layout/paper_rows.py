@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.layout.baselines import SHORT_SEARCH, policy_search
 from benchmarks.layout.figures import run
+from benchmarks.papers.completion import SHORT_SEARCH, policy_search
 from catalogs.readers.layouts import LayoutRecord
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.facade.layout.densities import TERMS

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import pandas as pd
 import shapely
 
 from catalogs.published.snapshot import SnapshotFolder, current_snapshot
@@ -18,20 +14,9 @@ from facade_core.atlas.store import open_root_of_any_format
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.zarr_types import StoreGroup, get_subgroup
 from facade_core.geometry.chart_packing import ChartPlacements
-from facade_core.geometry.charts import ChartKind, Charts, Mesh
+from facade_core.geometry.charts import Charts, Mesh
 from facade_core.geometry.raycast import RayCaster
 from facade_core.geometry.scene import Scene
-
-
-@dataclass(frozen=True)
-class Facade:
-    """A facade: its id, chart and building (rows); windows and doors (k, 4): x0, y0, x1, y1 in metres on its chart, y down."""
-
-    id: str
-    chart: int
-    building: int
-    windows: np.ndarray
-    doors: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -63,40 +48,6 @@ class Output:
     def caster(self) -> RayCaster:
         return self.scene.caster
 
-    @cached_property
-    def items(self) -> pd.DataFrame:
-        """The finished facades of items.parquet, by their ids."""
-        found = pd.read_parquet(self.snapshot.items)
-        return found[(found.kind == "facade") & (found.status == "done")].set_index("id")
-
-    @cached_property
-    def buildings(self) -> Mapping[str, np.ndarray]:
-        """The columns of the table of buildings."""
-        return {name: np.asarray(self.group[f"buildings/{name}"][:]) for name in ("id", "height", "height_source")}
-
-    @cached_property
-    def walls(self) -> np.ndarray:
-        """The charts (k,) that are walls of buildings."""
-        return np.flatnonzero((self.charts.kind == ChartKind.WALL) & (self.charts.building >= 0))
-
-    @cached_property
-    def facades(self) -> tuple[Facade, ...]:
-        """The facades that are done, with their elements."""
-        records = [json.loads(str(text)) if str(text) else {} for text in self.group["journal/facades"][:]]
-        charts, buildings = (self.group[f"facades/{name}"][:] for name in ("chart", "building"))
-        found = []
-        for row, id in enumerate(map(str, self.group["facades/id"][:])):
-            if records[row].get("status") == "done":
-                chart = int(charts[row])
-                boxes = {
-                    label: np.array([e[1:5] for e in records[row].get("elements", []) if e[0] == label], float)
-                    for label in ("window", "door")
-                }
-                density = self.placement.texels_per_metre[chart]
-                windows, doors = (boxes[label].reshape(-1, 4) / density for label in ("window", "door"))
-                found.append(Facade(id, chart, int(buildings[row]), windows, doors))
-        return tuple(found)
-
     def pixels(self, page: int) -> np.ndarray:
         """A page as it was published, (h, w, 3) uint8."""
         from PIL import Image
@@ -108,30 +59,11 @@ class Output:
         """The texels of a chart on the pixels of its page."""
         return pixels[self._place(chart)]
 
-    def labels(self, chart: int) -> np.ndarray:
-        """The class ids of a facade, (h, w) uint8."""
-        return self.group["facade_maps/labels"][(int(self.placement.page[chart]), *self._place(chart))]
-
-    def exemplar_labels(self) -> dict[str, np.ndarray]:
-        """The class ids (h, w) of the exemplars, by their names."""
-        records = [json.loads(str(text)) if str(text) else {} for text in self.group["journal/exemplars"][:]]
-        done = [(i, one["unit"]) for i, one in enumerate(records) if one.get("status") == "done"]
-        return {name: self.group[f"exemplars/{i}/labels"][:] for i, name in done}
-
-    def provenance(self, chart: int) -> np.ndarray:
-        """What its texels are from, (h, w) uint8: an index into the store's own list of sources."""
-        return self.group["atlas/provenance"][(int(self.placement.page[chart]), *self._place(chart))]
-
     def _place(self, chart: int) -> tuple[slice, slice]:
         """The rows and columns of a chart on its page."""
         place = self.placement
         y, x = int(place.y[chart]), int(place.x[chart])
         return slice(y, y + int(place.height[chart])), slice(x, x + int(place.width[chart]))
-
-    @cached_property
-    def sources(self) -> tuple[str, ...]:
-        """The names of what texels can be from."""
-        return tuple(str(self.group["atlas/provenance"].attrs["flag_meanings"]).split())
 
 
 def read_output(out: Path) -> Output:
@@ -158,8 +90,3 @@ def read_output(out: Path) -> Output:
         ),
         tuple(shapely.LineString(points[of == street]) for street in np.unique(of)),
     )
-
-
-def facade_items(output: Output) -> list[tuple[Facade, Any]]:
-    """Facades with their rows of the catalogue."""
-    return [(facade, output.items.loc[facade.id]) for facade in output.facades if facade.id in output.items.index]

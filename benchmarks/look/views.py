@@ -23,8 +23,6 @@ TURNED = (30.0, 60.0)
 SAMPLES = 2
 # A view is taken where nothing stands nearer than this in its middle, and walls take at least this share of it.
 NEAREST_M, LEAST_WALLS = 4.0, 0.35
-# How far from a wall the views of it from near by are taken.
-NEAR_M = 3.5
 # Views whose samples are held at once.
 _AT_ONCE = 8
 _ABOVE_M = 500.0
@@ -64,25 +62,6 @@ def street_cameras(outputs: Sequence[Output], count: int, seed: int) -> list[lis
     if len(found) < count:
         raise SystemExit(f"benchmarks.look: {outputs[0].name} has streets for {len(found)} views only; ask for fewer")
     return found
-
-
-def near_cameras(outputs: Sequence[Output], count: int, seed: int) -> list[list[PerspectiveCamera]]:
-    """Cameras on the pavement, some metres before facades of the first output that face streets, looking along them at 45
-    degrees: `count` lists of one for each output, or fewer where facades are few."""
-    rng = np.random.default_rng(seed)
-    charts = outputs[0].charts
-    fronts = [facade.chart for facade in outputs[0].facades if charts.size[facade.chart, 0] > 6]
-    found: list[list[PerspectiveCamera]] = []
-    for chart in rng.choice(fronts, 4 * count).tolist() if fronts else ():
-        foot = charts.points_at_shares(np.array([chart]), np.array([[rng.uniform(0.2, 0.8), 1.0]]))[0, 0, :2]
-        normal = charts.normals()[chart][:2]
-        place = foot + NEAR_M * normal
-        turn = rng.choice([-1, 1]) * np.pi / 4
-        heading = np.arctan2(-normal[1], -normal[0]) + turn
-        cameras = [standing(output, place, heading) for output in outputs]
-        if all(camera and shows_street(output, camera, 2.0) for output, camera in zip(outputs, cameras, strict=True)):
-            found.append([camera for camera in cameras if camera])
-    return found[:count]
 
 
 def standing(output: Output, place: np.ndarray, heading: float) -> PerspectiveCamera | None:

@@ -11,7 +11,7 @@ from typing import Any
 
 from benchmarks import mesh_texturing
 from benchmarks.mesh_texturing.cases import Case, amsterdam_cases, perspective_cases, street_cases
-from benchmarks.mesh_texturing.methods import ENVIRONMENTS, measure_cases
+from benchmarks.mesh_texturing.methods import measure_cases
 from tasks.engine.compute.worker_setup import limit_threads
 
 
@@ -28,13 +28,7 @@ def main() -> None:
     parser.add_argument("--perspective", type=int, default=0, help="perspective pictures of the street; 0 for none")
     parser.add_argument("--perspective-width", type=int, default=1200, help="pixels of such a picture")
     parser.add_argument("--twice", action="store_true", help="texture a second time, and tell whether it is the same")
-    parser.add_argument("--pictures", type=Path, help="folder for views: truth, ours, plain, meshlab")
-    parser.add_argument(
-        "--environments",
-        type=Path,
-        default=ENVIRONMENTS,
-        help="folder for MeshLab's environment, made on demand: half a gigabyte",
-    )
+    parser.add_argument("--pictures", type=Path, help="folder for views: truth, ours, plain")
     options = parser.parse_args()
     limit_threads()
     cases: dict[str, list[Case]] = {}
@@ -51,7 +45,7 @@ def main() -> None:
     told: dict[str, Any] = {"benchmark": "mesh_texturing"}
     for name, each in cases.items():
         pictures = options.pictures and options.pictures / name.replace(", ", "-").replace(" ", "-")
-        told[name] = measure_cases(each, options.environments, pictures, twice=options.twice)
+        told[name] = measure_cases(each, pictures, twice=options.twice)
         print(f"{name}: {json.dumps(told[name])}", file=sys.stderr)
     print(json.dumps(told | {"load": [round(load, 1), round(os.getloadavg()[0], 1)]}, indent=1))
 

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from benchmarks.mesh_texturing.cases import UNSEEN_GREY, Case, Panorama
-from benchmarks.mesh_texturing.registered_rasters import FaceTexture, cut_view, perspective_cameras
+from benchmarks.mesh_texturing.views import cut_view, perspective_cameras
 from facade_core.export.pictures.rendering import average_samples
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.raycast import MISS
@@ -54,16 +54,6 @@ def chart_sampler(case: Case, rasters: Mapping[int, np.ndarray]) -> Sampler:
             x, y = place.astype(np.float32).T[:, None]
             rgb[here] = _remap(rasters[one], x, y)
         return rgb
-
-    return sample
-
-
-def face_sampler(texture: FaceTexture) -> Sampler:
-    """Return a sampler of a mesh with texture coordinates, UNSEEN_GREY where it has none."""
-
-    def sample(origin: np.ndarray, rays: np.ndarray, _chart: np.ndarray, _points: np.ndarray) -> np.ndarray:
-        rgb, has = texture.sample(origin, rays)
-        return np.where(has[..., None], rgb, np.uint8(UNSEEN_GREY))
 
     return sample
 

@@ -22,21 +22,15 @@ from benchmarks.mesh_texturing.comparison import (
     Sampler,
     chart_sampler,
     compare_views,
-    face_sampler,
     measure_likeness,
 )
 from benchmarks.mesh_texturing.ours import texture_as_a_run, texture_by_best_view
-from benchmarks.mesh_texturing.registered_rasters import texture_by_meshlab
 
-# Folder for the environments of other programs, made on demand: half a gigabyte.
-ENVIRONMENTS = Path.home() / ".cache" / "streetloom" / "peers"
 # Seconds between two looks at the memory.
 LOOK_S = 0.05
 
 
-def measure_cases(
-    cases: Sequence[Case], environments: Path = ENVIRONMENTS, pictures: Path | None = None, *, twice: bool = False
-) -> dict[str, Any]:
+def measure_cases(cases: Sequence[Case], pictures: Path | None = None, *, twice: bool = False) -> dict[str, Any]:
     """Texture the cases by each method, and compare.
 
     `pictures` is a folder for their views; `twice` textures a second time and tells whether that makes the same bytes.
@@ -44,8 +38,6 @@ def measure_cases(
     views: list[ComparedView] = []
     costs: dict[str, list[dict[str, float]]] = {}
     same: dict[str, bool] = {}
-    skipped: dict[str, str] = {}
-    faces: list[float] = []
     for number, case in enumerate(cases):
         samplers: dict[str, Sampler] = {}
         with tempfile.TemporaryDirectory(prefix="mesh-texturing-") as folder:
@@ -58,21 +50,6 @@ def measure_cases(
                 samplers[name] = chart_sampler(case, rasters)
                 if twice:
                     same[name] = same.get(name, True) and digest_rasters(make()) == digest_rasters(rasters)
-            by_meshlab = partial(
-                texture_by_meshlab, place, environments, case.scene.mesh, case.images, case.poses, case.texels
-            )
-            try:
-                texture, used = by_meshlab()
-                if twice:
-                    again, _ = by_meshlab()
-                    equal = np.array_equal(again.image, texture.image) and np.array_equal(again.uv, texture.uv)
-                    same["meshlab"] = same.get("meshlab", True) and equal
-            except RuntimeError as error:
-                skipped["meshlab"] = str(error).splitlines()[-1]
-            else:
-                costs.setdefault("meshlab", []).append(used)
-                samplers["meshlab"] = face_sampler(texture)
-                faces.append(float((texture.uv != 0).any(axis=(1, 2)).mean()))
         compared = compare_views(case, samplers)
         views += compared
         if pictures is not None:
@@ -89,9 +66,7 @@ def measure_cases(
         }
         for name, each in costs.items()
     }
-    if faces:
-        result["faces that meshlab textures"] = round(float(np.mean(faces)), 3)
-    return result | ({"same_bytes": same} if twice else {}) | ({"skipped": skipped} if skipped else {})
+    return result | ({"same_bytes": same} if twice else {})
 
 
 def _write_panoramas(case: Case, folder: Path) -> list[Path]:

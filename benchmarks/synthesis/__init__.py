@@ -19,13 +19,12 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.papers.tile_search import search_plainly
 from facade_core.core.labels import UNKNOWN, FacadeClass
-from facade_core.core.types import Lattice
-from facade_core.facade.texture.genetic import ELITE_SIZE, MAX_BLOCK, POPULATION_SIZE
 from facade_core.facade.texture.retargeting import retarget
 from facade_core.facade.texture.scale import exemplar_scale
 from facade_core.facade.texture.synthesis import SYNTHESIS_GENERATIONS, evolve_random_tilings, synthesize_on_lattice
-from facade_core.facade.texture.tiling_energy import EnergyTables, tabulate_energy
+from facade_core.facade.texture.tiling_energy import tabulate_energy
 from facade_core.parsing.floor_structure import find_floors_and_bays
 from facade_core.parsing.lattice import lattice
 from training.datasets.facades import ECP, LabelledFacade, read_dataset
@@ -53,68 +52,6 @@ def timed(call: Callable[[], Any]) -> tuple[float, Any]:
     return round(time.process_time() - start, 3), result
 
 
-def reference(tab: EnergyTables, shape: tuple[int, int], grid: Lattice, generations: int, seed: int) -> float:
-    """The final energy of Algo. 2 written out with numpy: a grid of shape (M, N), tiles of the exemplar's grid."""
-    rng = np.random.default_rng(seed)
-    tall, wide = len(grid.rows) - 1, len(grid.columns) - 1
-
-    def random_tiling() -> np.ndarray:
-        rows = rng.integers(0, tall, shape)
-        rows[0], rows[-1] = 0, tall - 1
-        return np.asarray(rows * wide + rng.integers(0, wide, shape))
-
-    def tournament() -> np.ndarray:
-        a, b = rng.integers(0, POPULATION_SIZE, 2)
-        return people[a if fitness[a] <= fitness[b] else b].copy()
-
-    def mutate(tiles: np.ndarray) -> None:
-        (h, w), y, x = rng.integers(1, MAX_BLOCK + 1, 2), rng.integers(shape[0]), rng.integers(shape[1])
-        i = {0: 0, shape[0] - 1: tall - 1}.get(int(y), int(rng.integers(tall)))
-        j = int(rng.integers(wide))
-        for a in range(min(h, shape[0] - y, tall - i)):
-            row, source = y + a, i + a
-            if (row == 0 and source != 0) or (row == shape[0] - 1 and source != tall - 1):
-                continue
-            count = min(w, shape[1] - x, wide - j)
-            tiles[row, x : x + count] = source * wide + np.arange(j, j + count)
-
-    people = [random_tiling() for _ in range(POPULATION_SIZE)]
-    fitness = np.array([plain_energy(tab, tiles) for tiles in people])
-    for _ in range(generations):
-        order = np.argsort(fitness)
-        heirs = [people[k] for k in order[:ELITE_SIZE]]
-        values = list(fitness[order[:ELITE_SIZE]])
-        while len(heirs) < POPULATION_SIZE:
-            first, second = tournament(), tournament()
-            y, x = rng.integers(shape[0]), rng.integers(shape[1])
-            h, w = rng.integers(1, MAX_BLOCK + 1, 2)
-            block = np.s_[y : y + h, x : x + w]
-            first[block], second[block] = second[block].copy(), first[block].copy()
-            for child in (first, second):
-                mutate(child)
-                heirs.append(child)
-                values.append(plain_energy(tab, child))
-        people, fitness = heirs, np.array(values)
-    return float(fitness.min())
-
-
-def plain_energy(tab: EnergyTables, tiles: np.ndarray) -> float:
-    """Eq. 4 of a tiling (M, N), written out."""
-    out = tab.photo_right[tiles[:, :-1], tiles[:, 1:]].sum(dtype=float)
-    out += tab.photo_below[tiles[:-1], tiles[1:]].sum(dtype=float)
-    kinds = tab.kind[tiles]
-    for grid, templates, scale in (
-        (kinds, tab.templates_right, tab.scale_right),
-        (kinds.T, tab.templates_below, tab.scale_below),
-    ):
-        order = templates.shape[1]
-        squared = sum(
-            tab.kind_distance[grid[:, k : grid.shape[1] - order + 1 + k]][..., templates[:, k]] for k in range(order)
-        )
-        out += np.asarray(squared).min(-1).sum() * scale
-    return float(out)
-
-
 def measure(facades: Sequence[LabelledFacade], *, seeds: int, generations: int) -> dict[str, Any]:
     """Seconds, the curve of the first facade, energies beside the reference's, and seconds of retargeting."""
     first = resized(facades[0], SIZE)
@@ -131,7 +68,7 @@ def measure(facades: Sequence[LabelledFacade], *, seeds: int, generations: int) 
     tab = tabulate_energy(image, labels, grid)
     shape = len(grid.rows) - 1, len(grid.columns) - 1
     runs = [evolve_random_tilings(tab, grid, shape, np.random.default_rng(s), generations)[1] for s in range(seeds)]
-    plain = [reference(tab, shape, grid, generations, s) for s in range(seeds)]
+    plain = [search_plainly(tab, shape, grid, generations, s) for s in range(seeds)]
     walls = []
     for facade in facades:
         label_map = np.where(facade.labels == UNKNOWN, FacadeClass.WALL, facade.labels).astype(np.uint8)

@@ -292,7 +292,7 @@ def _inpaint_over_rim(
     rim = dilate(hidden, BLENDING_RIM_SHARE)
     if 1 - rim.mean() < MIN_VISIBLE_SHARE:
         rim = hidden
-    filled = inpaint(image, rim, labels=labels, elements=list(layout), method="floors")
+    filled = inpaint(image, rim, labels=labels, elements=list(layout))
     distance = cv2.distanceTransform((~hidden).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)
     width = 2 + round(BLENDING_RIM_SHARE * np.sqrt(hidden.size))
     share = np.where(rim, np.clip(distance / width, 0, 1), 1.0)[..., None]

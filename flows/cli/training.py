@@ -236,7 +236,7 @@ def bench(name: str | None, options: tuple[str, ...]) -> None:
 
     \b
     Examples:
-      streetloom bench block --json
+      streetloom bench demo_time
       streetloom bench parsing --data ../shared/data
       streetloom bench parsing --help
     """

@@ -185,10 +185,15 @@ def test_a_record_keeps_names_for_places_and_needs_them(tmp_path: Path) -> None:
 
 
 def test_the_code_of_a_record_is_what_its_command_reaches() -> None:
-    readers, run = code_of("streetloom bench readers --data DIR"), code_of("streetloom bench block")
+    readers, run = code_of("streetloom bench readers --data DIR"), code_of("streetloom bench demo_time")
     assert {"benchmarks.readers", "catalogs.readers", "facade_core.geometry"} <= readers.keys()
     assert "flows.viewer" not in readers
-    assert {"benchmarks.block", "tasks.stages", "facade_core.facade", "flows.block"} <= run.keys()  # it starts a run
+    assert {
+        "benchmarks.demo_time",
+        "tasks.stages",
+        "facade_core.facade",
+        "flows.block",
+    } <= run.keys()  # it starts a run
     assert changed(readers, readers | {"facade_core.geometry": "00", "flows.viewer": "00"}) == [
         "facade_core.geometry",
         "flows.viewer",

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from benchmarks.imagery import edge_tilt, psnr, scene_of_walls, speed
+from benchmarks.imagery import edge_tilt, psnr, scene_of_walls
 from facade_core.imagery.rectify.fusion import ChartView
 
 
@@ -46,9 +46,3 @@ def test_a_wall_looks_at_whoever_sees_its_corners_clockwise() -> None:
     scene = scene_of_walls(np.array([[[0, 0, 3], [4, 0, 3], [4, 0, 0], [0, 0, 0]]], float), 10.0)
     assert scene.charts.normals()[0] == pytest.approx([0, -1, 0])
     assert (scene.placement.width[0], scene.placement.height[0]) == (40, 30)
-
-
-def test_the_speed_case_runs_small() -> None:
-    seconds = speed(width=256, density=4.0, repeats=1)
-    assert set(seconds) == {"rectify", "fuse", "together"}
-    assert seconds["together"] > 0

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from benchmarks.street import seams, workers
+from benchmarks.street import seams
 from benchmarks.street.truth import interval, psnr
-from catalogs.block.reader import read_block
-from tasks.stages.ingest.planning import make_plan
 
 
 def test_psnr_counts_only_where_asked() -> None:
@@ -37,11 +33,3 @@ def test_a_seam_is_what_differs_more_across_than_beside() -> None:
     left, right = ramp[:, :20], ramp[:, 20:]
     assert seams._seam([left, right]) == pytest.approx(1.0)
     assert seams._seam([left, right + 10]) == pytest.approx(6.0)
-
-
-def test_streets_for_two_workers_share_nothing(tmp_path: Path) -> None:
-    plan = make_plan(read_block(workers.write_block(tmp_path, streets=3, length=24.0)))
-    assert plan.wave.tolist() == [0, 0, 0]
-    seen = [set(plan.street_charts[plan.street_charts[:, 0] == street, 1].tolist()) for street in range(3)]
-    assert all(seen)
-    assert sum(map(len, seen)) == len(set().union(*seen))

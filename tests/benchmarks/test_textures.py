@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.inpainting import goals, main, peers, similarity, structure
+from benchmarks.inpainting import goals, main, similarity, structure
 from benchmarks.inpainting.cases import Case, hole
 from benchmarks.synthesis.resizing import carve, quilt
 from facade_core.core.labels import UNKNOWN, FacadeClass
@@ -75,13 +75,6 @@ def test_hidden_rows_and_doors_are_counted_in_holes():
     assert (
         structure([Case("none", np.zeros((4, 20, 3), np.uint8), labels, mask & False)], [parsed])["door_recall"] is None
     )
-
-
-def test_a_peer_that_cannot_be_installed_says_so(tmp_path, monkeypatch):
-    (tmp_path / "absent.txt").write_text("--no-index\nno-such-distribution==1\n")
-    monkeypatch.setattr(peers, "PEERS", tmp_path)
-    with pytest.raises(RuntimeError, match="peer absent cannot be installed"):
-        peers.environment("absent", tmp_path / "made")
 
 
 @pytest.mark.parametrize("size", [(70, 150), (120, 100), (90, 300)])

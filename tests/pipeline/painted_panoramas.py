@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
 import cv2
 import numpy as np
+from PIL import Image
 
 from benchmarks.painter.facade import paint_facade
+from tests.pipeline.stages import BUILDINGS, EAST, NORTH, STREETS, write_block
 
 WIDTH = 1536
 HEIGHT_M = 2.5
@@ -33,3 +39,25 @@ def paint_panorama(east: float, north: float) -> np.ndarray:
     rows, columns = WALL.shape[:2]
     image[on] = WALL[((7 - z[on]) / 7 * rows).astype(int), (x[on] / 12 * columns).astype(int)]
     return image
+
+
+def write_panoramas(folder: Path, cameras: Mapping[str, tuple[float, float, float]]) -> None:
+    """Write panoramas by name, from metres east and north and the height that is stated."""
+    (folder / "panoramas").mkdir(parents=True, exist_ok=True)
+    poses = {}
+    for name, (east, north, stated) in cameras.items():
+        image = paint_panorama(east, north - FAR * round(north / FAR))
+        Image.fromarray(image).save(folder / "panoramas" / f"{name}.jpg", quality=95)
+        poses[f"{name}.jpg"] = {"x": EAST + east, "y": NORTH + north, "z": stated, "heading": 0}
+    (folder / "poses.json").write_text(json.dumps({"crs": "EPSG:32635", "poses": poses}))
+
+
+def write_panorama_block(folder: Path) -> Path:
+    """Write the block of houses a and c whose walls and ground panoramas show."""
+    return write_block(
+        folder,
+        buildings={name: BUILDINGS[name] for name in ("a", "c")},
+        streets={name: STREETS[name] for name in ("1", "3")},
+        imagery={"panoramas": {"path": "panoramas", "poses": "poses.json"}},
+        texture={"texels_per_metre": 4, "walls": "translate"},
+    )

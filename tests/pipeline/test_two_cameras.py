@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 import zarr
-from PIL import Image
 
 from facade_core.atlas.journal import read_journal
 from facade_core.atlas.rasters import TexelLayout, read_rasters
@@ -16,7 +14,7 @@ from facade_core.atlas.store import open_repository
 from facade_core.core.provenance import Provenance
 from facade_core.plan.plan_tables import read_plan
 from tasks.stages.bundles.refined_poses import read_bundled_pose_records
-from tests.pipeline.painted_panoramas import FAR, HEIGHT_M, PAVED, paint_panorama
+from tests.pipeline.painted_panoramas import FAR, HEIGHT_M, PAVED, write_panorama_block, write_panoramas
 from tests.pipeline.stages import (
     BUILDINGS,
     EAST,
@@ -35,28 +33,11 @@ pytestmark = pytest.mark.long
 SEEDED = ("seed", "seed_evidence")
 
 
-def posed(folder: Path, cameras: dict[str, tuple[float, float, float]]) -> None:
-    """Panoramas by name: metres east and north, and the height that is stated."""
-    (folder / "panoramas").mkdir(parents=True, exist_ok=True)
-    poses = {}
-    for name, (east, north, stated) in cameras.items():
-        image = paint_panorama(east, north - FAR * round(north / FAR))
-        Image.fromarray(image).save(folder / "panoramas" / f"{name}.jpg", quality=95)
-        poses[f"{name}.jpg"] = {"x": EAST + east, "y": NORTH + north, "z": stated, "heading": 0}
-    (folder / "poses.json").write_text(json.dumps({"crs": "EPSG:32635", "poses": poses}))
-
-
 def test_two_cameras_agree_on_the_ground_and_one_more_changes_what_it_shows(tmp_path: Path) -> None:
     folder, out = tmp_path / "in", tmp_path / "out"
     cameras = {"a-1": (8.0, -1.0, 2.5), "a-2": (12.5, 0.5, 3.0), "c-1": (9.0, FAR - 1, 2.5)}
-    posed(folder, cameras)
-    block_file = write_block(
-        folder,
-        buildings={name: BUILDINGS[name] for name in ("a", "c")},
-        streets={name: STREETS[name] for name in ("1", "3")},
-        imagery={"panoramas": {"path": "panoramas", "poses": "poses.json"}},
-        texture={"texels_per_metre": 4, "walls": "translate"},
-    )
+    write_panoramas(folder, cameras)
+    block_file = write_panorama_block(folder)
     texture(block_file, out, stop_before="1")
     session = open_repository(out / "store").readonly_session("main")
     group, plan = zarr.open_group(session.store, mode="r"), read_plan(session)
@@ -88,7 +69,7 @@ def test_two_cameras_agree_on_the_ground_and_one_more_changes_what_it_shows(tmp_
     assert np.corrcoef(seed[shown, 0].astype(float), truth.astype(float))[0, 1] > 0.8
 
     before = started(out)
-    posed(folder, cameras | {"a-3": (10.0, 0.0, 2.5)})
+    write_panoramas(folder, cameras | {"a-3": (10.0, 0.0, 2.5)})
     texture(block_file, out, stop_before="1")
     again = redone(before, out)
     assert {unit for stage, unit in again if stage == "poses"} == {"a-3.jpg"}
@@ -98,7 +79,7 @@ def test_two_cameras_agree_on_the_ground_and_one_more_changes_what_it_shows(tmp_
 
 def test_a_sharp_camera_makes_its_own_house_finer_and_does_nothing_else_again(tmp_path: Path) -> None:
     folder, out = tmp_path / "in", tmp_path / "out"
-    posed(folder, {"c-1": (9.0, FAR - 1, 2.5)})
+    write_panoramas(folder, {"c-1": (9.0, FAR - 1, 2.5)})
     block_file = write_block(
         folder,
         buildings={name: BUILDINGS[name] for name in ("a", "c")},
@@ -112,7 +93,7 @@ def test_a_sharp_camera_makes_its_own_house_finer_and_does_nothing_else_again(tm
     assert max(density["a"]) == 8
 
     before = started(out)
-    posed(folder, {"c-1": (9.0, FAR - 1, 2.5), "a-1": (8.0, -1.0, 2.5)})
+    write_panoramas(folder, {"c-1": (9.0, FAR - 1, 2.5), "a-1": (8.0, -1.0, 2.5)})
     made = texture(block_file, out)
     assert max(densities(out)["a"]) == 16
     assert densities(out)["c"] == density["c"]
@@ -128,7 +109,7 @@ def test_a_sharp_camera_makes_its_own_house_finer_and_does_nothing_else_again(tm
     assert digests_of(out) == digests_of(tmp_path / "fresh")
 
     (folder / "panoramas" / "a-1.jpg").unlink()
-    posed(folder, {"c-1": (9.0, FAR - 1, 2.5)})
+    write_panoramas(folder, {"c-1": (9.0, FAR - 1, 2.5)})
     texture(block_file, out)
     assert densities(out) == density
     assert digests_of(out) == first

@@ -7,6 +7,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from benchmarks.papers.policy import roll_out_policy
+from benchmarks.papers.policy_optimisation import (
+    POLICY_POPULATION,
+    evolve_policy_candidates,
+    observed_layout_arrays,
+    sample_policies,
+)
 from facade_core.core.arrays import Float64Array, Int64Array
 from facade_core.core.errors import LayoutError
 from facade_core.core.labels import ELEMENT_CLASSES
@@ -35,14 +42,7 @@ from facade_core.facade.layout.densities import (
 from facade_core.facade.layout.facade_frame import ColumnsAndFloors, Rectangle, fit_columns_and_floors
 from facade_core.facade.layout.floor_hypotheses import log_floor_progressions
 from facade_core.facade.layout.grids import box_array
-from facade_core.facade.layout.model import LayoutModel
-from facade_core.facade.layout.policy import POLICY_LENGTH, roll_out_policy
-from facade_core.facade.layout.policy_optimisation import (
-    POLICY_POPULATION,
-    evolve_policy_candidates,
-    observed_layout_arrays,
-    sample_policies,
-)
+from facade_core.facade.layout.model import POLICY_LENGTH, LayoutModel
 from facade_core.facade.layout.proposals import ElementPriors
 from facade_core.facade.layout.ranking import BoostedTrees
 from facade_core.facade.layout.scores import door_bin, layout_score_terms, measure_layout_from_elements

@@ -21,7 +21,7 @@ FEATURE_BLOCKS = (2, 4, 10, 15)
 
 
 @lru_cache(maxsize=1)
-def _network() -> ParserNetwork:
+def load_feature_network() -> ParserNetwork:
     from training.parser.network import ParserNetwork
 
     network = ParserNetwork()
@@ -44,7 +44,7 @@ def image_features(pictures: Sequence[UInt8Array]) -> Float64Array:
     import torch
     from torch.nn import functional
 
-    network, features = _network(), []
+    network, features = load_feature_network(), []
     for picture in pictures:
         x = torch.from_numpy(np.ascontiguousarray(picture)).permute(2, 0, 1)[None].float()
         means = []

@@ -24,7 +24,6 @@ from facade_core.facade.layout.densities import (
     TERMS,
     ScoreTermDensities,
 )
-from facade_core.facade.layout.policy import POLICY_LENGTH
 from facade_core.facade.layout.proposals import ElementPriors
 from facade_core.facade.layout.ranking import BoostedTrees
 from facade_core.facade.layout.statistics import ELEMENT_TYPE_COUNT, LABEL_COUNT, PATTERNS
@@ -32,6 +31,7 @@ from facade_core.facade.layout.statistics import ELEMENT_TYPE_COUNT, LABEL_COUNT
 SHIPPED_LAYOUT_MODEL = Path(__file__).parent / "models" / "layouts.json"
 SHIPPED_LAYOUT_NETWORK = SHIPPED_LAYOUT_MODEL.with_name(LAYOUT_NETWORK_NAME)
 MODEL_FORMAT = 3
+POLICY_LENGTH = 15  # parameters of a policy of the layout paper
 _MADE_FOR = {
     "format": MODEL_FORMAT,
     "labels": list(ELEMENT_CLASSES),
@@ -49,7 +49,7 @@ class LayoutModel:
     densities : densities of the ten terms.
     weights : (10,) weights of densities.TERMS.
     averages_terms : True if a term is the mean over its grids, False for their sum as in the paper.
-    policies : (10, 15) optimal policies, the most different ones.
+    policies : (10, POLICY_LENGTH) optimal policies of the layout paper, the most different ones; no run uses them.
     label_shares : (LABEL_COUNT,) frequency of each label.
     priors : doors, shops, floors and spacings for layouts that show none.
     styles : (S, 11) styles of `layout_sampling`.

@@ -1,4 +1,4 @@
-"""Inpaint hidden parts of a facade by floors or by tiles."""
+"""Inpaint hidden parts of a facade by floors."""
 
 from __future__ import annotations
 
@@ -7,23 +7,20 @@ from collections.abc import Sequence
 import numpy as np
 
 from facade_core.core.arrays import BoolArray, UInt8Array
-from facade_core.core.errors import ImageError
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN, FacadeClass
 from facade_core.core.levelling import fill_unknown_values
 from facade_core.core.types import Element
 from facade_core.facade.texture.floor_inpainting import fill_by_floors
-from facade_core.facade.texture.tile_inpainting import fill_by_tiles
 from facade_core.facade.texture.validation import MIN_SIDE_PX, check_exemplar_image, check_exemplar_labels, check_mask
 from facade_core.facade.texture.window_completion import complete_windows
 from facade_core.parsing.floor_structure import find_floors_and_bays
 
-METHODS = ("floors", "tiles")
 _WALL_MARGIN = 0.3  # width of the wall that a layout implies around an element, as a share of its size
 # Labels of the ground floor, and their smallest confidence to be drawn: the visible ground floor is a better guide than a
 # guess.
 _GROUND_LABELS = ("door", "shop")
 _MIN_GROUND_CONFIDENCE = 0.3
-_MIN_AGREEMENT = 0.7  # smallest share of agreeing votes of other bays for method "floors"
+_MIN_AGREEMENT = 0.7  # smallest share of agreeing votes of other bays
 
 
 def inpaint(
@@ -32,17 +29,15 @@ def inpaint(
     *,
     labels: UInt8Array | None = None,
     elements: Sequence[Element] | None = None,
-    method: str = "floors",
-    seed: int = 0,
 ) -> UInt8Array:
     """Fill the masked pixels of a facade; all other pixels keep their bits.
 
-    Method "floors" clones sources whole floors and bays away (floors paper). Without any repetition it copies from
-    where the rim fits best. Method "tiles" composes visible tiles (tiles paper). Pixels without a source are
-    diffused, and so are all where a side has less than MIN_SIDE_PX pixels, on which nothing repeats.
+    Sources are whole floors and bays away (floors paper). Without any repetition they are where the rim fits best.
+    Pixels without a source are diffused, and so are all where a side has less than MIN_SIDE_PX pixels, on which
+    nothing repeats.
 
-    Elements of a completed layout guide the sources: windows anywhere, doors and shops if likely. Method "floors"
-    then completes each window and balcony from one source (`complete_windows`).
+    Elements of a completed layout guide the sources: windows anywhere, doors and shops if likely. Each window and
+    balcony is then completed from one source (`complete_windows`).
 
     Parameters
     ----------
@@ -50,8 +45,6 @@ def inpaint(
     mask : (H, W) bool, True where to fill.
     labels : (H, W) uint8 class ids; they count outside the mask only.
     elements : elements of a completed layout, in pixels.
-    method : "floors", or "tiles", which needs labels or elements.
-    seed : seed of method "tiles".
 
     Returns
     -------
@@ -60,29 +53,37 @@ def inpaint(
     Raises
     ------
     ImageError
-        For bad arrays, a mask without visible pixels, an unknown method, or "tiles" without labels and elements.
+        For bad arrays, or a mask without visible pixels.
     """
     check_exemplar_image(image, min_side=1)
     check_mask(image, mask)
     if labels is not None:
         check_exemplar_labels(image, labels)
-    if method not in METHODS:
-        raise ImageError(f"inpaint: method {method!r} is unknown; pass one of {', '.join(METHODS)}")
-    if method == "tiles" and labels is None and not elements:
-        raise ImageError("inpaint: method 'tiles' needs labels=parse(image).labels or elements; or use method='floors'")
     if not mask.any():
         return image.copy()
     if min(mask.shape) < MIN_SIDE_PX:
         return np.where(mask[..., None], np.rint(fill_unknown_values(image, ~mask)).astype(np.uint8), image)
-    likely = [e for e in elements or () if e.confidence >= _MIN_GROUND_CONFIDENCE or e.label not in _GROUND_LABELS]
-    filled = _fill(method, image, mask, _draw_guide(mask, labels, likely), seed)
-    # Blending can push a dark pane beyond black, so the result stays within the visible range.
+    likely = select_likely_elements(elements or ())
+    guide = vote_across_bays(draw_guide(mask, labels, likely), agreed=_MIN_AGREEMENT)
+    result = clip_to_visible_range(fill_by_floors(image, mask, guide), image, mask)
+    return complete_windows(result, mask, likely) if likely else result
+
+
+def select_likely_elements(elements: Sequence[Element]) -> list[Element]:
+    """Select the elements of a layout that are drawn: all windows and balconies, and likely doors and shops."""
+    return [e for e in elements if e.confidence >= _MIN_GROUND_CONFIDENCE or e.label not in _GROUND_LABELS]
+
+
+def clip_to_visible_range(filled: UInt8Array, image: UInt8Array, mask: BoolArray) -> UInt8Array:
+    """Return `filled` in the hole, within the range of the visible colours, and `image` elsewhere.
+
+    Blending can push a dark pane beyond black.
+    """
     seen = image[~mask]
-    result = np.where(mask[..., None], np.clip(filled, seen.min(axis=0), seen.max(axis=0)), image)
-    return complete_windows(result, mask, likely) if likely and method == "floors" else result
+    return np.where(mask[..., None], np.clip(filled, seen.min(axis=0), seen.max(axis=0)), image)
 
 
-def _draw_guide(mask: BoolArray, labels: UInt8Array | None, elements: Sequence[Element]) -> UInt8Array:
+def draw_guide(mask: BoolArray, labels: UInt8Array | None, elements: Sequence[Element]) -> UInt8Array:
     """Draw class ids (H, W): visible labels, and the elements in the hole.
 
     The hole holds wall around windows and balconies, else UNKNOWN.
@@ -103,19 +104,10 @@ def _draw_guide(mask: BoolArray, labels: UInt8Array | None, elements: Sequence[E
     return guide
 
 
-def _fill(method: str, image: UInt8Array, mask: BoolArray, guide: UInt8Array, seed: int) -> UInt8Array:
-    if method == "floors":
-        return fill_by_floors(image, mask, _vote_across_bays(guide, agreed=_MIN_AGREEMENT))
-    from facade_core.parsing.lattice import lattice
-
-    complete = _vote_across_bays(guide, agreed=0.0)
-    return fill_by_tiles(image, mask, complete, lattice(complete), np.random.default_rng(seed))
-
-
-def _vote_across_bays(guide: UInt8Array, *, agreed: float) -> UInt8Array:
+def vote_across_bays(guide: UInt8Array, *, agreed: float) -> UInt8Array:
     """Fill unknown labels by votes of the same rows of other bays, else by the most frequent label of the row.
 
-    A pixel stays unknown if less than the share `min_agreement` of its votes agree.
+    A pixel stays unknown if less than the share `agreed` of its votes agree.
     """
     if (guide == UNKNOWN).all():
         return guide

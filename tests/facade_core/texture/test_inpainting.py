@@ -34,10 +34,9 @@ def error(a: np.ndarray, b: np.ndarray, mask: np.ndarray) -> float:
     return float(np.abs(a[mask].astype(float) - b[mask]).mean())
 
 
-@pytest.mark.parametrize("method", ["floors", "tiles"])
-def test_a_hidden_window_comes_back_and_known_pixels_stay(facade, hole, method):
+def test_a_hidden_window_comes_back_and_known_pixels_stay(facade, hole):
     image = spoiled(facade.image, hole)
-    filled = inpaint(image, hole, labels=facade.labels, method=method)
+    filled = inpaint(image, hole, labels=facade.labels)
     np.testing.assert_array_equal(filled[~hole], image[~hole])
     telea = cv2.inpaint(image, hole.astype(np.uint8), 3, cv2.INPAINT_TELEA)
     assert error(filled, facade.image, hole) < 0.4 * error(telea, facade.image, hole)
@@ -49,8 +48,8 @@ def test_floors_needs_no_labels(facade, hole):
 
 
 def test_what_is_in_the_hole_does_not_matter(facade, hole):
-    first = inpaint(spoiled(facade.image, hole), hole, method="floors", seed=2)
-    again = inpaint(facade.image, hole, method="floors", seed=2)
+    first = inpaint(spoiled(facade.image, hole), hole)
+    again = inpaint(facade.image, hole)
     np.testing.assert_array_equal(first, again)
 
 
@@ -60,7 +59,7 @@ def test_elements_decide_where_windows_go(facade):
     windows = [
         Element("window", 46 + 36 * b, 40 + 40 * f, 62 + 36 * b, 60 + 40 * f) for f in range(4) for b in range(2)
     ]
-    filled = inpaint(spoiled(facade.image, mask), mask, labels=facade.labels, elements=windows, method="floors")
+    filled = inpaint(spoiled(facade.image, mask), mask, labels=facade.labels, elements=windows)
     shown = np.zeros_like(mask)
     for e in windows:
         shown[int(e.y0) + 2 : int(e.y1) - 2, int(e.x0) + 2 : int(e.x1) - 2] = True
@@ -90,10 +89,6 @@ def test_degenerate_masks(facade):
         np.testing.assert_array_equal(filled[~frame], facade.image[~frame])
     with pytest.raises(ImageError, match="pass bool"):
         inpaint(facade.image, none.astype(np.uint8))
-    with pytest.raises(ImageError, match="needs labels"):
-        inpaint(facade.image, frame, method="tiles")
-    with pytest.raises(ImageError, match="unknown"):
-        inpaint(facade.image, frame, method="best")
 
 
 def test_without_repetition_it_still_fills():
@@ -109,7 +104,7 @@ def test_without_repetition_it_still_fills():
 def test_a_hole_that_touches_all_borders(facade):
     mask = np.zeros(facade.labels.shape, bool)
     mask[100:130], mask[:, 60:90] = True, True
-    filled = inpaint(spoiled(facade.image, mask), mask, labels=facade.labels, method="floors")
+    filled = inpaint(spoiled(facade.image, mask), mask, labels=facade.labels)
     np.testing.assert_array_equal(filled[~mask], facade.image[~mask])
     assert not (filled[mask] == (255, 0, 255)).all(1).any()
 
@@ -126,7 +121,7 @@ def test_a_layout_does_not_wall_up_what_it_does_not_know(facade):
     mask = np.zeros(facade.labels.shape, bool)
     mask[-45:, 60:100] = True  # part of the shop
     window = [Element("window", 10, 40, 26, 60)]
-    filled = inpaint(spoiled(facade.image, mask), mask, labels=facade.labels, elements=window, method="floors")
+    filled = inpaint(spoiled(facade.image, mask), mask, labels=facade.labels, elements=window)
     shop = mask & (facade.labels == FacadeClass.SHOP)
     assert error(filled, facade.image, shop) < 20.0
 
@@ -171,12 +166,11 @@ def test_a_window_hidden_on_a_real_facade(data):
     assert contrast > 0.5 * (image[wall].mean() - image[window].mean())
 
 
-@pytest.mark.parametrize("method", ["floors", "tiles"])
-def test_what_a_hole_was_painted_with_does_not_show(facade, method):
+def test_what_a_hole_was_painted_with_does_not_show(facade):
     mask = np.zeros(facade.labels.shape, bool)
     mask[60:140, 40:130] = True
     one, other = (
-        inpaint(np.where(mask[..., None], np.uint8(paint), facade.image), mask, labels=facade.labels, method=method)
+        inpaint(np.where(mask[..., None], np.uint8(paint), facade.image), mask, labels=facade.labels)
         for paint in (0, 255)
     )
     np.testing.assert_array_equal(one, other)
