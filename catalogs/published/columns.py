@@ -137,6 +137,11 @@ COLUMNS = (
         words={"street": "at a street", "side": "at the side", "back": "at the back"},
     ),
     ItemColumn(
+        "visible", NUMBER, SHARE, "Visible from the street",
+        "Share of the facade in sight of its street, by the geometry of the block",
+        lambda source: round(float(source.plan_value("seen")), 4), is_common=True,
+    ),
+    ItemColumn(
         "height_m", NUMBER, "metres", "Height", "Height from the ground to the eaves", plan_length("height"),
         is_common=True,
     ),

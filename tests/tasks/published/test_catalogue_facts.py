@@ -138,7 +138,7 @@ def test_neighbours_cover_one_outline_and_courtyards_stay() -> None:
 
 def facade_row(role: str, record: dict[str, Any], height_source: str = "height") -> ItemRow:
     """Build the row of the only facade of a block, 9 m by 12 m with 4 floors by the map."""
-    values = {"id": "a-0", "building": 0, "height": 12.0, "width": 9.0, "floors": 4}
+    values = {"id": "a-0", "building": 0, "height": 12.0, "width": 9.0, "floors": 4, "seen": 0.51234}
     return build_item_row(
         FacadeSource(
             block="x",
@@ -192,6 +192,10 @@ def test_quality_says_what_to_look_at(changes: dict[str, Any], source: str, qual
     assert made["quality"] == quality
     assert (made["floors"], made["levels"]) == (changes.get("floors") or 4, 4)
     assert facade_row("street", record("a", "failed"), source)["quality"] is None
+
+
+def test_visible_share_of_plan_is_a_column() -> None:
+    assert facade_row("street", record("a", "failed"))["visible"] == 0.5123
 
 
 def test_backs_from_an_exemplar_have_the_floors_that_they_are_composed_with() -> None:
