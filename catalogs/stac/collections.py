@@ -15,7 +15,6 @@ from catalogs.stac.items import (
     VERSION,
     collection_id,
     projection_fields,
-    to_json_value,
 )
 from catalogs.stac.licences import common_license, licensors
 from facade_core.core.json_types import JsonObject
@@ -30,10 +29,6 @@ _DESCRIPTIONS = {
     "blocks": "The block {}: its textured model, table and report",
     "runs": "The run that made this snapshot of the block {}",
     "models": "Models that the block {} was made with",
-}
-_RANGE_COLUMNS = {
-    "facades": ("height_m", "width_m", "floors", "windows", "window_to_wall", "occluded", "photo"),
-    "streets": ("length_m", "viewpoints", "wave", "texels", "coverage"),
 }
 _EARTH_BOX = [-180.0, -90.0, 180.0, 90.0]
 
@@ -85,12 +80,13 @@ def build_collection(
 
 
 def _summaries(kind: str, items: Sequence[Item]) -> JsonObject:
-    summaries: JsonObject = {}
-    for key in _RANGE_COLUMNS.get(kind, ()):
-        name = f"streetloom:{key}"
-        values = [to_json_value(item.properties.get(name)) for item in items]
-        if known := [value for value in values if isinstance(value, int | float)]:
-            summaries[name] = {"minimum": min(known), "maximum": max(known)}
+    """Return the range of every number of facades and streets, and the states of items."""
+    values: dict[str, list[float]] = {}
+    for item in items if kind in ("facades", "streets") else ():
+        for name, value in item.properties.items():
+            if name.startswith("streetloom:") and isinstance(value, int | float):
+                values.setdefault(name, []).append(value)
+    summaries: JsonObject = {name: {"minimum": min(values[name]), "maximum": max(values[name])} for name in values}
     if states := {state for item in items if (state := item.properties.get("streetloom:status"))}:
         summaries["streetloom:status"] = sorted(states)
     return summaries

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 import shapely
 
 from catalogs.crs import LONLAT
-from catalogs.published.columns import COLUMNS, ItemRow
+from catalogs.published.columns import BBOX, COLUMNS, ItemRow
 from catalogs.stac.facts import BlockFacts, ModelFacts, RunFacts, StreetFacts
+from facade_core.core.provenance import PROVENANCE, Provenance
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -31,9 +32,12 @@ ZARR = "https://stac-extensions.github.io/zarr/v1.0.0/schema.json"
 # STAC's processing level of model output from measurements.
 PROCESSING_LEVEL = "L4"
 # Columns that a STAC field or the geometry states.
-_NON_PROPERTY_COLUMNS = {"id", "geometry", "xmin", "ymin", "xmax", "ymax", "updated", "code_version"}
+_NON_PROPERTY_COLUMNS = {"id", "geometry", *BBOX, "updated", "code_version"}
 ITEM_PROPERTIES = tuple(column.name for column in COLUMNS if column.name not in _NON_PROPERTY_COLUMNS)
-_SHARE_COLUMNS = ("photo", "inpainted", "synthesised", "translated")
+_SHARE_COLUMNS = PROVENANCE[: Provenance.MATERIAL : -1]
+
+
+_STREET_PROPERTIES = ("name", "reason", "viewpoints", "viewpoints_done", "wave", "texels", "coverage", "seconds", "key")
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,12 +63,11 @@ class FacadeFootLine:
 def facade_item(foot: FacadeFootLine, facts: BlockFacts) -> Item:
     """Build the Item of a facade."""
     row = foot.row
-    columns: Mapping[str, object] = row
     item = _new_item(
         row["id"], "facades", facts, ItemGeometry(foot.lonlat, foot.in_frame), row["updated"], row["code_version"]
     )
     item.properties["title"] = " ".join(filter(None, (row["street"], row["id"])))
-    _add_fields(item, {key: columns[key] for key in ITEM_PROPERTIES})
+    _add_fields(item, {key: row[key] for key in ITEM_PROPERTIES})
     if lineage := _lineage_text(row):
         item.properties["processing:lineage"] = lineage
     return item
@@ -79,17 +82,9 @@ def street_item(street: StreetFacts, place: ItemGeometry, facts: BlockFacts) -> 
         {
             "block": facts.name,
             "kind": "street",
-            "name": street.name,
             "status": street.state,
-            "reason": street.reason,
             "length_m": round(street.line.length, 2),
-            "viewpoints": street.viewpoints,
-            "viewpoints_done": street.viewpoints_done,
-            "wave": street.wave,
-            "texels": street.texels,
-            "coverage": street.coverage,
-            "seconds": street.seconds,
-            "key": street.key,
+            **{name: getattr(street, name) for name in _STREET_PROPERTIES},
             "config_digest": facts.config_digest,
         },
     )
@@ -254,7 +249,7 @@ def _new_item(
     return item
 
 
-def _lineage_text(row: Mapping[str, object]) -> str:
+def _lineage_text(row: ItemRow) -> str:
     """Return where the texels come from, such as "72 % photo, 28 % inpainted; from dam-3.jpg"."""
     shares = [(share, name) for name in _SHARE_COLUMNS if (share := to_json_value(row[name]))]
     parts = [

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import shapely
 
+from catalogs.published.columns import BBOX
 from facade_core.core.json_types import JsonObject
 
 if TYPE_CHECKING:
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     from pystac import Collection, Item
 
 MIRROR_NAME = "items.parquet"
-_BOX_SIDES = ("xmin", "ymin", "xmax", "ymax")
 # Parquet has no empty structs.
 _NO_ASSETS = {"thumbnail": {"href": None}}
 
@@ -43,10 +43,10 @@ def write_stac_geoparquet(path: Path, items: Sequence[tuple[str, Item]], collect
     boxes = [row["bbox"] for row in rows]
     geometry: JsonObject = {"encoding": "WKB", "geometry_types": _geometry_types(rows, "geometry")}
     if boxes:
-        ends = zip(_BOX_SIDES, (min, min, max, max), strict=True)
+        ends = zip(BBOX, (min, min, max, max), strict=True)
         geometry |= {
             "bbox": [extreme(box[side] for box in boxes) for side, extreme in ends],
-            "covering": {"bbox": {side: ["bbox", side] for side in _BOX_SIDES}},
+            "covering": {"bbox": {side: ["bbox", side] for side in BBOX}},
         }
     own = {"encoding": "WKB", "geometry_types": _geometry_types(rows, "proj:geometry"), "crs": crs.to_json_dict()}
     columns = {"geometry": geometry, "proj:geometry": own}
@@ -102,7 +102,7 @@ def _item_row(href: str, item: Item) -> JsonObject:
         "stac_extensions": fields["stac_extensions"],
         "collection": fields["collection"],
         "geometry": shapely.to_wkb(shapely.geometry.shape(fields["geometry"])),
-        "bbox": dict(zip(_BOX_SIDES, fields["bbox"], strict=True)),
+        "bbox": dict(zip(BBOX, fields["bbox"], strict=True)),
         "links": [_rebase_href(link, folder) for link in fields["links"]],
         "assets": {key: _rebase_href(asset, folder) for key, asset in fields["assets"].items()} or _NO_ASSETS,
         **properties,
