@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from urllib.request import Request, urlopen
 
 # It ends when nobody holds its input any more. Requests are answered one by one: moto asks whether a condition holds and writes
 # in two steps, between which a busy machine lets another write.
@@ -31,23 +32,13 @@ server.stop()
 @contextmanager
 def serving(bucket: str, key: str, secret: str) -> Iterator[Mapping[str, str]]:
     """An empty bucket; yields the environment by which it is found."""
-    from pyarrow.fs import S3FileSystem
-
     process = subprocess.Popen([sys.executable, "-c", _SERVE], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     assert process.stdin is not None
     assert process.stdout is not None
     try:
         address = f"http://127.0.0.1:{int(process.stdout.readline())}"
         # its first answer takes the server seconds, in which it imports what it answers with
-        S3FileSystem(
-            access_key=key,
-            secret_key=secret,
-            region="us-east-1",
-            endpoint_override=address,
-            allow_bucket_creation=True,
-            connect_timeout=300,
-            request_timeout=300,
-        ).create_dir(bucket)
+        urlopen(Request(f"{address}/{bucket}", method="PUT"), timeout=300).close()
         yield {
             "AWS_ENDPOINT_URL": address,
             "AWS_ACCESS_KEY_ID": key,

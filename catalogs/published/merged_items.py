@@ -13,9 +13,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from catalogs.published import object_store
 from catalogs.published.folders import F, Folder, map_concurrently, remove_path, write_atomically
 from catalogs.published.runs import PublishedRun
-from catalogs.published.s3 import S3Path, s3_filesystem
+from catalogs.published.s3 import S3Path
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -63,7 +64,9 @@ def read_parquet_schema(path: Folder) -> pa.Schema:
     """Read the schema of a Parquet file."""
     import pyarrow.parquet as pq
 
-    return pq.read_schema(path.path, filesystem=s3_filesystem()) if isinstance(path, S3Path) else pq.read_schema(path)
+    if isinstance(path, S3Path):
+        return pq.read_schema(path.path, filesystem=object_store.arrow_filesystem())
+    return pq.read_schema(path)
 
 
 def _merged_files(out: Folder) -> list[Folder]:

@@ -12,15 +12,20 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from facade_core.core.errors import InputError, MachineError
 
 if TYPE_CHECKING:
     from obstore.store import S3Credential, S3Store
+    from pyarrow.fs import PyFileSystem
 
 # Requests mostly wait for the network.
 MAX_CONCURRENT_REQUESTS = 16
+
+
+class NoBucketError(InputError):
+    """Bucket that does not exist."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +39,11 @@ class ObjectInfo:
 def endpoint_url() -> str | None:
     """Return the address of buckets from the environment; None for AWS."""
     return os.environ.get("AWS_ENDPOINT_URL_S3") or os.environ.get("AWS_ENDPOINT_URL") or None
+
+
+def region() -> str | None:
+    """Return the region of buckets from the environment; None for the default."""
+    return os.environ.get("AWS_REGION") or os.environ.get("AWS_DEFAULT_REGION") or None
 
 
 def upload_object(path: str, data: bytes | Path) -> None:
@@ -95,6 +105,48 @@ def list_objects(path: str) -> dict[str, ObjectInfo]:
         }
 
 
+def has_objects(path: str) -> bool:
+    """Return whether any object is below a bucket/prefix."""
+    import obstore
+
+    store, prefix = _locate(path + "/")
+    try:
+        with _translate_errors(path):
+            return any(len(some) > 0 for some in obstore.list(store, prefix=prefix or None, chunk_size=1))
+    except NoBucketError:
+        return False
+
+
+def list_folder(path: str) -> list[str]:
+    """List the keys of the objects and folders directly below a bucket/prefix."""
+    import obstore
+
+    store, prefix = _locate(path + "/")
+    with _translate_errors(path):
+        found = obstore.list_with_delimiter(store, prefix=prefix or None)
+    keys = [*found["common_prefixes"], *(one["path"] for one in found["objects"])]
+    return [key.rstrip("/") for key in keys if key != prefix]
+
+
+def object_size(path: str) -> int | None:
+    """Return the size of an object in bytes, or None if it does not exist."""
+    import obstore
+
+    try:
+        with _translate_errors(path):
+            return int(obstore.head(*_locate(path))["size"])
+    except (FileNotFoundError, NoBucketError):
+        return None
+
+
+def arrow_filesystem() -> PyFileSystem:
+    """Return the buckets as a file system of Arrow, which reads parts of objects."""
+    from obstore.fsspec import FsspecStore
+    from pyarrow.fs import FSSpecHandler, PyFileSystem
+
+    return PyFileSystem(FSSpecHandler(FsspecStore("s3", **_store_options(endpoint_url(), region()))))
+
+
 def copy_object(source: str, target: str) -> None:
     """Copy an object within a bucket; the bucket copies the data itself."""
     import obstore
@@ -142,30 +194,34 @@ def _translate_errors(path: str) -> Iterator[None]:
     except (AlreadyExistsError, PreconditionError):
         raise
     except (FileNotFoundError, NotFoundError) as error:
-        if "NoSuchBucket" in str(error):
-            raise InputError(f"s3://{path}: there is no such bucket; make it, or name another") from error
+        _require_bucket(path, error)
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), f"s3://{path}") from error
     except (PermissionDeniedError, UnauthenticatedError, InvalidPathError) as error:
         raise InputError(
-            f"s3://{path}: is refused ({_error_text(error)}); check the name, AWS_REGION and the credentials of the environment"
+            f"s3://{path}: is refused ({error_text(error)}); check the name, AWS_REGION and the credentials of the environment"
         ) from error
     except (BaseError, OSError) as error:
+        _require_bucket(path, error)
         raise MachineError(
-            f"s3://{path}: the bucket does not answer as it should ({_error_text(error)}); check AWS_ENDPOINT_URL and the "
+            f"s3://{path}: the bucket does not answer as it should ({error_text(error)}); check AWS_ENDPOINT_URL and the "
             "network, and run again: what is done is kept"
         ) from error
 
 
-def _error_text(error: BaseException) -> str:
+def _require_bucket(path: str, error: BaseException) -> None:
+    if "NoSuchBucket" in str(error):
+        raise NoBucketError(f"s3://{path}: there is no such bucket; make it, or name another") from error
+
+
+def error_text(error: BaseException) -> str:
+    """Return the code of a bucket's error, or its first words."""
     code = re.search(r"<Code>(\w+)</Code>", str(error))
     return code[1] if code else " ".join(str(error).split())[:160]
 
 
 def _locate(path: str) -> tuple[S3Store, str]:
     bucket, _, key = path.partition("/")
-    return _open_store(
-        bucket, endpoint_url(), os.environ.get("AWS_REGION") or os.environ.get("AWS_DEFAULT_REGION")
-    ), key
+    return _open_store(bucket, endpoint_url(), region()), key
 
 
 @lru_cache(maxsize=8)
@@ -173,19 +229,22 @@ def _open_store(bucket: str, address: str | None, region: str | None) -> S3Store
     """Open a bucket with the environment's credentials: keys, profile, web identity or role."""
     from obstore.store import S3Store
 
+    return S3Store(bucket, **_store_options(address, region))
+
+
+def _store_options(address: str | None, region: str | None) -> dict[str, Any]:
     options = {"endpoint": address, "region": region}
     named = not os.environ.get("AWS_ACCESS_KEY_ID") and _profile_keys() is not None
-    return S3Store(
-        bucket,
-        credential_provider=_profile_credential if named else None,
-        config={name: value for name, value in options.items() if value},  # type: ignore[arg-type]
-        virtual_hosted_style_request=address is None,
-        client_options={
+    return {
+        "credential_provider": _profile_credential if named else None,
+        "config": {name: value for name, value in options.items() if value},
+        "virtual_hosted_style_request": address is None,
+        "client_options": {
             "allow_http": bool(address and address.startswith("http://")),
             "connect_timeout": timedelta(seconds=20),
         },
-        retry_config={"max_retries": 5, "retry_timeout": timedelta(seconds=60)},
-    )
+        "retry_config": {"max_retries": 5, "retry_timeout": timedelta(seconds=60)},
+    }
 
 
 def _profile_keys() -> Mapping[str, str] | None:

@@ -7,19 +7,16 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from catalogs.published import object_store
-from facade_core.core.errors import InputError
+from facade_core.core.errors import InputError, MachineError
 
 if TYPE_CHECKING:
     import icechunk
-    from pyarrow.fs import S3FileSystem
 
 S3_SCHEME = "s3://"
-_CONNECT_TIMEOUT_S = 20.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +24,7 @@ class S3Path:
     """Path of a folder or object in a bucket, with the part of pathlib's interface that runs need.
 
     Credentials, region and address come from the environment, as for AWS tools: AWS_ACCESS_KEY_ID, AWS_PROFILE, ...,
-    AWS_REGION, AWS_ENDPOINT_URL_S3 or AWS_ENDPOINT_URL. Writing takes only keys from a profile. Methods that read raise
+    AWS_REGION, AWS_ENDPOINT_URL_S3 or AWS_ENDPOINT_URL. Of a profile only keys are taken. Methods that read raise
     InputError if the bucket does not answer; methods that write raise the errors of `object_store`.
 
     Attributes
@@ -69,29 +66,25 @@ class S3Path:
 
     def is_dir(self) -> bool:
         """Return whether any object is below this path."""
-        return self._kind() == "Directory"
+        with translate_bucket_errors(self):
+            return object_store.has_objects(self.path)
 
     def is_file(self) -> bool:
         """Return whether an object has this path."""
-        return self._kind() == "File"
+        return self.size() is not None
 
     def iterdir(self) -> Iterator[S3Path]:
         """Yield the objects and folders directly below this one."""
-        from pyarrow.fs import FileSelector
-
         with translate_bucket_errors(self):
-            found = s3_filesystem().get_file_info(FileSelector(self.path))
-        return iter([S3Path(one.path) for one in found])
+            return iter([S3Path(f"{self.bucket}/{key}") for key in object_store.list_folder(self.path)])
 
     def read_bytes(self) -> bytes:
         """Return the bytes of the object. Raises FileNotFoundError if it does not exist."""
-        try:
-            with s3_filesystem().open_input_stream(self.path) as stream:
-                return bytes(stream.read())
-        except FileNotFoundError:
-            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(self)) from None
-        except OSError as error:
-            raise _unreachable_error(self, error) from error
+        with translate_bucket_errors(self):
+            found = object_store.download_object(self.path)
+        if found is None:
+            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(self))
+        return found[0]
 
     def read_text(self, encoding: str = "utf-8", errors: str = "strict") -> str:
         """Return the decoded text of the object."""
@@ -116,17 +109,11 @@ class S3Path:
     def size(self) -> int | None:
         """Return the size of this object in bytes, or None if it does not exist."""
         with translate_bucket_errors(self):
-            size: int | None = s3_filesystem().get_file_info(self.path).size
-        return size
+            return object_store.object_size(self.path)
 
     def remove(self) -> None:
         """Remove all objects below this folder."""
         object_store.delete_objects(f"{self.path}/{name}" for name in object_store.list_objects(self.path))
-
-    def _kind(self) -> str:
-        with translate_bucket_errors(self):
-            kind: str = s3_filesystem().get_file_info(self.path).type.name
-        return kind
 
     def icechunk_storage(self) -> icechunk.Storage:
         """Return this folder as the storage of an Icechunk repository."""
@@ -136,7 +123,7 @@ class S3Path:
         return icechunk.s3_storage(
             bucket=self.bucket,
             prefix=self.prefix,
-            region=s3_filesystem().region,
+            region=object_store.region() or "us-east-1",
             endpoint_url=endpoint,
             allow_http=bool(endpoint and endpoint.startswith("http://")),
             force_path_style=endpoint is not None,
@@ -159,36 +146,14 @@ def folder_at(place: str | Path | S3Path) -> Path | S3Path:
     return S3Path(path)
 
 
-def s3_filesystem() -> S3FileSystem:
-    """Return the file system of the buckets at the environment's address."""
-    return _open_filesystem(
-        object_store.endpoint_url(), os.environ.get("AWS_REGION") or os.environ.get("AWS_DEFAULT_REGION")
-    )
-
-
 @contextmanager
 def translate_bucket_errors(folder: S3Path) -> Iterator[None]:
-    """Convert errors of a bucket into one line with the remedy."""
+    """Convert errors of reading a bucket into one line with the remedy."""
     try:
         yield
-    except OSError as error:
-        raise _unreachable_error(folder, error) from error
-
-
-def _unreachable_error(folder: S3Path, error: OSError) -> InputError:
-    message = " ".join(str(error).split()).partition(" (Request ID")[0]
-    return InputError(
-        f"{folder}: cannot be reached ({message[:200]}); check the address, AWS_REGION, AWS_ENDPOINT_URL and the credentials"
-    )
-
-
-@lru_cache(maxsize=2)
-def _open_filesystem(endpoint: str | None, region: str | None) -> S3FileSystem:
-    from pyarrow.fs import S3FileSystem
-
-    return S3FileSystem(
-        endpoint_override=endpoint,
-        region=region,
-        connect_timeout=_CONNECT_TIMEOUT_S,
-        allow_delayed_open=True,  # a small file is one request
-    )
+    except (OSError, MachineError) as error:
+        message = object_store.error_text(error.__cause__ or error)
+        raise InputError(
+            f"{folder}: cannot be reached ({message}); check the address, AWS_REGION, AWS_ENDPOINT_URL and the "
+            "credentials"
+        ) from error

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from catalogs.published.object_store import MAX_CONCURRENT_REQUESTS
-from catalogs.published.s3 import S3Path, s3_filesystem, translate_bucket_errors
-from facade_core.core.errors import InputError
-
-if TYPE_CHECKING:
-    from pyarrow.fs import FileInfo
+from catalogs.published import object_store
+from catalogs.published.s3 import S3Path
 
 # References to other files; they are copied last.
 _REFERENCES = "store/refs"
@@ -22,12 +17,8 @@ _REWRITTEN = (".json", ".yaml")
 
 
 def put_object(folder: S3Path, name: str, data: bytes) -> None:
-    """Write an object of a folder in a bucket. Raises InputError if the bucket rejects it."""
-    try:
-        with translate_bucket_errors(folder), s3_filesystem().open_output_stream(f"{folder.path}/{name}") as stream:
-            stream.write(data)
-    except InputError as error:
-        raise InputError(str(error).replace("cannot be reached", f"{name} cannot be written", 1)) from error
+    """Write an object of a folder in a bucket; raises the errors of `object_store`."""
+    object_store.upload_object(f"{folder.path}/{name}", data)
 
 
 def copy_run_to_bucket(
@@ -54,9 +45,9 @@ def copy_run_to_bucket(
     data = [
         path for path in (*_visible_files(run / "store"), *_visible_files(run / "published")) if path not in references
     ]
-    sizes = _object_sizes(target)
+    sizes = target.sizes()
     due = [path for path in data if _needs_copy(path, sizes.get(path.relative_to(run).as_posix()))]
-    with ThreadPoolExecutor(MAX_CONCURRENT_REQUESTS) as threads:
+    with ThreadPoolExecutor(object_store.MAX_CONCURRENT_REQUESTS) as threads:
         sent = threads.map(lambda path: put(target, path.relative_to(run).as_posix(), path.read_bytes()), due)
         for number, _ in enumerate(sent, 1):
             on_progress(number, len(due))
@@ -76,16 +67,6 @@ def _visible_files(folder: Path) -> Iterator[Path]:
     for path in sorted(folder.rglob("*")):
         if path.is_file() and not any(part.startswith(".") for part in path.relative_to(folder).parts):
             yield path
-
-
-def _object_sizes(target: S3Path) -> dict[str, int]:
-    """Return path -> size of the files below a folder in a bucket."""
-    from pyarrow.fs import FileSelector, FileType
-
-    with translate_bucket_errors(target):
-        selector = FileSelector(target.path, allow_not_found=True, recursive=True)
-        found: Iterable[FileInfo] = s3_filesystem().get_file_info(selector)
-    return {one.path[len(target.path) + 1 :]: one.size for one in found if one.type == FileType.File}
 
 
 def _needs_copy(path: Path, size: int | None) -> bool:

@@ -10,11 +10,12 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from catalogs.published import object_store
 from catalogs.published.columns import COLUMNS, arrow_type
 from catalogs.published.folders import Folder, map_concurrently
 from catalogs.published.merged_items import MergedItemsFile, read_merged_items_headers, read_parquet_schema
 from catalogs.published.runs import PublishedRun, find_runs
-from catalogs.published.s3 import S3Path, folder_at, s3_filesystem, translate_bucket_errors
+from catalogs.published.s3 import S3Path, folder_at, translate_bucket_errors
 from catalogs.published.snapshot import current_snapshot
 from catalogs.query.where import build_checked_select, condition_error, parse_since
 from facade_core.core.errors import InputError
@@ -213,7 +214,7 @@ def _filtered_dataset(path: S3Path, columns: pa.Schema, box: Sequence[float], st
     from pyarrow import dataset
 
     with translate_bucket_errors(path):
-        rows = dataset.dataset(path.path, format="parquet", filesystem=s3_filesystem())
+        rows = dataset.dataset(path.path, format="parquet", filesystem=object_store.arrow_filesystem())
     field = dataset.field
     if start is not None:
         updated = field("updated") >= pa.scalar(start, pa.timestamp("us", "UTC"))

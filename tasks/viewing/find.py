@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from catalogs.crs import LONLAT, coordinate_transform
+from catalogs.published import object_store
 from catalogs.published.columns import BBOX
 from catalogs.published.folders import Folder
 from catalogs.published.merged_items import read_merged_items_headers
-from catalogs.published.s3 import s3_filesystem
 from catalogs.published.snapshot import snapshot_folder
 from facade_core.core.json_types import JsonObject
 from tasks.viewing.city_view import CityReader, ViewedBlock
@@ -94,7 +94,7 @@ def _iterate_rows(out: Folder, blocks: Sequence[ViewedBlock]) -> Iterator[tuple[
 def _read_facades(path: Folder, columns: Iterable[str]) -> pd.DataFrame:
     import pyarrow.parquet as pq
 
-    source, filesystem = (path, None) if isinstance(path, Path) else (path.path, s3_filesystem())
+    source, filesystem = (path, None) if isinstance(path, Path) else (path.path, object_store.arrow_filesystem())
     rows: pd.DataFrame = pq.read_table(source, columns=list(columns), filesystem=filesystem).to_pandas()
     return rows[rows.kind == "facade"]
 
