@@ -6,30 +6,18 @@ import ast
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
 import pytest
 
+from facade_core.core.code_modules import load_module
+
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("facade_core", "catalogs", "tasks", "flows", "training")
 MAX_FILES = 30  # of a folder
 LEVELS = ("debug", "info", "warning", "error", "exception", "critical")
-
-
-def _imports(node: ast.AST) -> Iterator[str]:
-    if isinstance(node, ast.Import):
-        yield from (alias.name for alias in node.names)
-    elif isinstance(node, ast.ImportFrom):
-        assert node.level == 0, f"line {node.lineno}: relative import; write the whole name"
-        yield from (f"{node.module}.{alias.name}" for alias in node.names)
-    elif isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING":
-        for statement in node.orelse:
-            yield from _imports(statement)
-    else:
-        for child in ast.iter_child_nodes(node):
-            yield from _imports(child)
 
 
 @cache
@@ -38,9 +26,11 @@ def parsed(path: Path) -> ast.Module:
 
 
 @cache
-def imports(path: Path) -> frozenset[str]:
-    """Return every module that a file imports, at any depth, names of `from a import b` as a.b."""
-    return frozenset(_imports(parsed(path)))
+def imports(module: str) -> frozenset[str]:
+    """Return every module that a module imports, at any depth, names of `from a import b` as a.b."""
+    found = load_module(module, ROOT)
+    assert found is not None
+    return frozenset(f"{name}.{member}" if member else name for name, member in found.imports)
 
 
 @cache
@@ -52,14 +42,14 @@ def modules(package: str) -> dict[str, Path]:
 
 def reached(start: Iterable[str]) -> set[str]:
     """Return the modules that importing some of them runs, imports inside functions included."""
-    known = {name: path for package in (*PACKAGES, "benchmarks") for name, path in modules(package).items()}
+    known = {name for package in (*PACKAGES, "benchmarks") for name in modules(package)}
     seen: set[str] = set()
     waiting = list(start)
     while waiting:
         module = waiting.pop()
         if module in known and module not in seen:
             seen.add(module)
-            imported = imports(known[module])
+            imported = imports(module)
             waiting += [*imported, *(name.rpartition(".")[0] for name in imported), module.rpartition(".")[0]]
     return seen
 
@@ -86,8 +76,7 @@ def test_workers_start_without_prefect() -> None:
     assert engine <= {"tasks.engine", *(f"tasks.engine.{name}" for name in known)}
     stages = {name for name in seen if within(name, ["tasks.stages"])}
     assert not {name for name in stages if name.endswith((".stage", ".task", ".keys", ".forecast", ".order"))}
-    paths = {name: path for package in (*PACKAGES, "benchmarks") for name, path in modules(package).items()}
-    libraries = {name.split(".")[0] for module in seen for name in imports(paths[module])}
+    libraries = {name.split(".")[0] for module in seen for name in imports(module)}
     assert "numpy" in libraries
     assert "prefect" not in libraries
 
@@ -99,7 +88,7 @@ def test_no_folder_is_crowded(package: str) -> None:
 
 
 def test_only_the_command_imports_training() -> None:
-    importers = {name for name, path in modules("flows").items() if any(within(i, ["training"]) for i in imports(path))}
+    importers = {name for name in modules("flows") if any(within(one, ["training"]) for one in imports(name))}
     assert importers == {"flows.cli.training"}
 
 

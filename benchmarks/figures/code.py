@@ -8,8 +8,9 @@ from functools import cache
 from hashlib import blake2b
 from pathlib import Path
 
+from facade_core.core.code_modules import collect_modules, content_digest
 from tasks.engine.data_files import DATA_FILES
-from tasks.engine.stage_code import CODE_PACKAGES, ROOT, collect_modules
+from tasks.engine.stage_code import CODE_PACKAGES, ROOT
 
 MEASURED = (*CODE_PACKAGES, "flows", "training", "benchmarks")
 COMMANDS = ("streetloom bench ", "python -m benchmarks.")
@@ -29,7 +30,7 @@ def code_of(command: str, root: Path = ROOT) -> dict[str, str]:
         digest = digests.setdefault(".".join(name.split(".")[:2]), blake2b(digest_size=4))
         digest.update(f"{name} {found[name].digest}\n".encode())
         for path in sorted(root / file for file in DATA_FILES.get(name, ())):
-            digest.update(f"{path.relative_to(root).as_posix()}\n".encode() + _content(path))
+            digest.update(f"{path.relative_to(root).as_posix()}\n".encode() + bytes.fromhex(content_digest(path)))
     return {room: digest.hexdigest() for room, digest in digests.items()}
 
 
@@ -65,8 +66,3 @@ def _named(path: Path, root: Path) -> tuple[str, ...]:
                     yield node.value
 
     return tuple(started()) if path.relative_to(root).parts[0] == "benchmarks" else ()
-
-
-@cache
-def _content(path: Path) -> bytes:
-    return blake2b(path.read_bytes(), digest_size=8).digest()

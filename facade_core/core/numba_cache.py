@@ -8,7 +8,6 @@ Folders of older code are deleted.
 from __future__ import annotations
 
 import os
-import re
 import shutil
 import sys
 import threading
@@ -22,13 +21,11 @@ from typing import Any, Literal, TypedDict, TypeVar, Unpack, cast
 import numba
 
 from facade_core.core.cache_folders import private_temporary_folder
+from facade_core.core.code_modules import collect_modules
 
 Kernel = TypeVar("Kernel", bound=Callable[..., object])
 _CONFIG: Any = numba.config  # numba sets its attributes from the environment
 PACKAGE_FOLDER = Path(__file__).resolve().parent.parent
-_IMPORTS = re.compile(
-    rf"\b(?:from\s+({PACKAGE_FOLDER.name}[\w.]*)\s+import\s+(\([^)]*\)|[^\n]*)|import\s+({PACKAGE_FOLDER.name}[\w.]*))"
-)
 _DECORATION_LOCK = threading.Lock()
 # Name of this installation in shared folders.
 _INSTALLATION = blake2b(str(PACKAGE_FOLDER).encode(), digest_size=8).hexdigest()
@@ -62,38 +59,9 @@ def njit(**options: Unpack[KernelOptions]) -> Callable[[Kernel], Kernel]:
 def code_digest(module: str) -> str:
     """Compute the digest of a module of the package and of its imports from it, at any depth."""
     digest = blake2b(f"{sys.version} {numba.__version__}".encode(), digest_size=8)
-    for path in sorted(_reachable_files(_module_files(module))):
-        digest.update(str(path.relative_to(PACKAGE_FOLDER)).encode() + b"\0" + path.read_bytes() + b"\0")
+    for name, found in sorted(collect_modules([module], (), PACKAGE_FOLDER.parent, {PACKAGE_FOLDER.name}).items()):
+        digest.update(f"{name} {found.digest}\n".encode())
     return digest.hexdigest()
-
-
-def _reachable_files(paths: tuple[Path, ...]) -> set[Path]:
-    reached: set[Path] = set()
-    waiting = list(paths)
-    while waiting:
-        path = waiting.pop()
-        if path not in reached:
-            reached.add(path)
-            waiting += _imported_files(path)
-    return reached
-
-
-@cache
-def _imported_files(path: Path) -> tuple[Path, ...]:
-    """Return the files of the package that a file imports; text that looks like an import only adds a file."""
-    found: list[Path] = []
-    for module, names, alone in _IMPORTS.findall(path.read_text(encoding="utf-8")):
-        found += _module_files(module or alone)
-        for name in re.findall(r"\w+", names):
-            found += _module_files(f"{module}.{name}")
-    return tuple(found)
-
-
-@cache
-def _module_files(module: str) -> tuple[Path, ...]:
-    """Return the files of a module or package, none for an unknown name."""
-    base = PACKAGE_FOLDER.joinpath(*module.split(".")[1:])
-    return tuple(path for path in (base.with_suffix(".py"), base / "__init__.py") if path.is_file())
 
 
 @cache

@@ -7,6 +7,7 @@ import json
 from collections.abc import Mapping, Sequence
 from functools import cache
 
+from facade_core.core.code_modules import packages_digest
 from tasks.engine.stage_code import CODE_PACKAGES, ROOT, VERSION
 
 
@@ -26,10 +27,4 @@ def export_key(format: str, snapshot: str, buildings: Sequence[str], options: Ma
 
 @cache
 def _code_digest() -> str:
-    """Compute the digest of all modules; which of them an export imports is not worth the seconds to find out."""
-    digest = hashlib.sha256()
-    for package in CODE_PACKAGES:
-        for path in sorted((ROOT / package).rglob("*.py")):
-            digest.update(f"{path.relative_to(ROOT)}\n".encode())
-            digest.update(path.read_bytes())
-    return digest.hexdigest()
+    return packages_digest(CODE_PACKAGES, ROOT)

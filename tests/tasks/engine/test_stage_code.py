@@ -14,11 +14,17 @@ from pathlib import Path
 
 import pytest
 
+from facade_core.core import code_modules
 from tasks.engine import stage_code as module
 from tasks.engine.stage_code import CODE_PACKAGES, ROOT, code_version, stage_code_digest, worker_module
 from tasks.stages.order import CODE_STAGES
 
 Codes = Callable[[], dict[str, str]]
+
+
+def worker_modules(stage: str) -> dict[str, code_modules.CodeModule]:
+    """Modules that the digest of a stage counts."""
+    return code_modules.collect_modules([worker_module(stage)], module.EXCLUDED_MODULES, ROOT, CODE_PACKAGES)
 
 
 @pytest.fixture
@@ -28,7 +34,7 @@ def codes(tmp_path: Path) -> Codes:
         shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
 
     def now() -> dict[str, str]:
-        for cached in (stage_code_digest, module._load_module, module._content_digest):
+        for cached in (stage_code_digest, code_modules.load_module, code_modules.content_digest):
             cached.cache_clear()
         found = {stage: stage_code_digest(stage, root=tmp_path) for stage in CODE_STAGES}
         return found | {"swatches": stage_code_digest("streets", neural=False, root=tmp_path)}
@@ -100,13 +106,13 @@ def test_imports_are_followed_to_where_a_name_is_defined(tmp_path: Path) -> None
     }.items():
         (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / path).write_text(text)
-    found = module.collect_modules(["tasks.publish.task"], (), tmp_path)
+    found = code_modules.collect_modules(["tasks.publish.task"], (), tmp_path, CODE_PACKAGES)
     assert set(found) == {"tasks.publish.task", "facade_core.shapes.square"}
 
 
 def test_what_orders_and_runs_units_is_in_no_stage() -> None:
     for stage in CODE_STAGES:
-        reached = module.collect_modules([worker_module(stage)], module.EXCLUDED_MODULES, ROOT)
+        reached = worker_modules(stage)
         assert not reached.keys() & {
             f"tasks.{name}"
             for name in (
@@ -120,7 +126,7 @@ def test_what_orders_and_runs_units_is_in_no_stage() -> None:
 
 
 def test_ingest_depends_on_no_detector_and_no_parser() -> None:
-    reached = module.collect_modules([worker_module("ingest")], module.EXCLUDED_MODULES, ROOT)
+    reached = worker_modules("ingest")
     assert not [name for name in reached if name.startswith(("facade_core.imagery.detect.", "facade_core.parsing."))]
 
 
@@ -132,7 +138,7 @@ def test_two_processes_agree_and_every_library_is_known() -> None:
     libraries = {
         name.partition(".")[0]
         for stage in CODE_STAGES
-        for one in module.collect_modules([worker_module(stage)], module.EXCLUDED_MODULES, ROOT).values()
+        for one in worker_modules(stage).values()
         for name, _ in one.imports
     }
     libraries -= {*sys.stdlib_module_names, *CODE_PACKAGES, *module.EXCLUDED_LIBRARIES}
@@ -152,9 +158,9 @@ def test_one_thread_parses_at_a_time_and_without_the_garbage_collector(monkeypat
         side_by_side.append(side_by_side[-1] - 1)
         return parse(source)
 
-    monkeypatch.setattr(module.ast, "parse", slow_parse)
+    monkeypatch.setattr(code_modules.ast, "parse", slow_parse)
     with ThreadPoolExecutor(8) as threads:
-        found = list(threads.map(lambda path: module._parse_module("facade_core.m", path, -1), paths))
+        found = list(threads.map(lambda path: code_modules._parse_module("facade_core.m", path, -1), paths))
     assert [one.path for one in found] == paths
     assert max(side_by_side) == 1
     assert not any(collected)
