@@ -1,4 +1,4 @@
-"""Reference pages of `docs/reference`, written from declarations: `python -m catalogs.reference` writes them anew."""
+"""Reference pages of `docs/reference`, written from declarations: `python -m tasks.reference` writes them anew."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from catalogs.city.keys import CityOnlyKeys
 from catalogs.published.columns import COLUMNS
 
 _FOLDER = Path(__file__).resolve().parent.parent / "docs" / "reference"
-_WRITTEN_BY = "<!-- `python -m catalogs.reference` writes this page from the declarations in the code. -->"
+WRITTEN_BY = "<!-- `python -m tasks.reference` writes this page from the declarations in the code. -->"
 _EXAMPLE = """```yaml
 name: kamppi
 area: [24.940, 60.165, 24.947, 60.169]
@@ -31,7 +31,7 @@ def format_block_file_page() -> str:
     return "\n\n".join(
         (
             "# Keys of a block file",
-            _WRITTEN_BY,
+            WRITTEN_BY,
             "A block file is YAML 1.2: `no` and `1:30` are text, and a whole number that begins with 0 is refused. Anchors, "
             "aliases and tags are refused too. It has 20 levels and 256 kB at most. Paths are relative to the block file, and "
             "`${NAME}` in a path is replaced with the environment variable. An unknown key is an error: the message names the "
@@ -55,7 +55,7 @@ def format_columns_page() -> str:
     return "\n\n".join(
         (
             "# Columns of items.parquet",
-            _WRITTEN_BY,
+            WRITTEN_BY,
             "`items.parquet` is a GeoParquet 1.1 file, ordered by `id`. It has one row per facade, failed facades included, "
             "then one row per unit that was set aside. An empty value is unknown. The label is the column's name in the "
             "viewer, which shows columns with a label only. The metadata of the file's fields have units and meanings too.",
@@ -70,10 +70,10 @@ PAGES: Mapping[str, Callable[[], str]] = {
 }
 
 
-def write_pages(folder: Path = _FOLDER) -> None:
-    """Write all reference pages into a folder."""
+def write_pages(folder: Path = _FOLDER, pages: Mapping[str, Callable[[], str]] = PAGES) -> None:
+    """Write reference pages into a folder."""
     folder.mkdir(parents=True, exist_ok=True)
-    for name, format_page in PAGES.items():
+    for name, format_page in pages.items():
         (folder / name).write_text(f"{format_page()}\n", encoding="utf-8")
 
 
@@ -98,7 +98,3 @@ def _format_default(one: DeclaredKey) -> str:
     if one.is_section or one.default is None:
         return one.key.default or ("" if one.default is not None else "none")
     return str(one.default).lower() if isinstance(one.default, bool) else str(one.default)
-
-
-if __name__ == "__main__":
-    write_pages()

@@ -16,7 +16,7 @@ KNOWN_REASONS = (
     r"the npm package \S+ is not installed; `make clients` does that",
     r"Blender \(bpy",
     r"cjio is not installed beside Blender",
-    r"no usd-core here; `make usd-setup` installs it",
+    r"no pxr here; `make usd-setup` installs it",
     r"no pycolmap here; `make sfm-setup` installs it",
     r"torch is absent: make train-setup",
     r"no encoder of KTX2; `make ktx2-setup` installs it",

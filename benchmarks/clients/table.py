@@ -19,6 +19,7 @@ from benchmarks.clients.validators import gltf_issues
 from benchmarks.programs import MissingProgramError, chromium
 from benchmarks.solid import validated
 from tasks.export.formats import export_run
+from tasks.export.registry import FORMATS
 from tasks.publish.published_run import open_published_run
 
 COLUMNS = (
@@ -60,8 +61,8 @@ class Exports:
         return self.stack.enter_context(chromium(self.stack.enter_context(sync_playwright())))
 
 
-def _tiles_in_cesium(exports: Exports, **options: Any) -> Row:
-    folder = exports("3dtiles", **options)
+def _tiles_in_cesium(exports: Exports, style: str, **options: Any) -> Row:
+    folder = exports(style, **options)
     with in_cesium(exports.browser, folder, error=ERROR_PX, side=SIDE) as opened:
         told = opened("figures()")
         whole = told["loaded"] == len(list((folder / "tiles").glob("*.glb"))) and not told["failed"] and not opened.said
@@ -74,8 +75,8 @@ def _tiles_in_cesium(exports: Exports, **options: Any) -> Row:
         }
 
 
-def _tiles_in_three(exports: Exports, **options: Any) -> Row:
-    folder = exports("3dtiles", **options)
+def _tiles_in_three(exports: Exports, style: str, **options: Any) -> Row:
+    folder = exports(style, **options)
     with in_three(exports.browser, folder, error=ERROR_PX, side=SIDE) as opened:
         told = opened("figures()")
         whole = told["models"] == len(list((folder / "tiles").glob("*.glb"))) and not told["failed"] and not opened.said
@@ -167,10 +168,10 @@ def _by_val3dity(exports: Exports, style: str) -> Row:
     }
 
 
-def _tables(exports: Exports) -> Row:
+def _tables(exports: Exports, style: str) -> Row:
     import pyogrio
 
-    path = exports.main("gpkg")
+    path = exports.main(style)
     start = time.monotonic()
     layers = [pyogrio.read_info(path, layer) for layer, _ in pyogrio.list_layers(path)]
     read = [len(pyogrio.read_dataframe(path, layer=layer["layer_name"])) for layer in layers]
@@ -184,10 +185,10 @@ def _tables(exports: Exports) -> Row:
     }
 
 
-def _walls(exports: Exports) -> Row:
+def _walls(exports: Exports, style: str) -> Row:
     import rasterio
 
-    files = sorted(exports("cog").glob("*.tif"))
+    files = sorted(exports(style).glob("*.tif"))
     start = time.monotonic()
     texels, posed = 0, 0
     for path in files:
@@ -205,38 +206,42 @@ def _walls(exports: Exports) -> Row:
     }
 
 
+def _by_gdal(exports: Exports, style: str) -> Row:
+    return _tables(exports, style) if FORMATS[style].can_be_file else _walls(exports, style)
+
+
+# Options that the programs are asked with, by format; each other format is exported without options.
+_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
+    "3dtiles": {
+        **{name: {"textures": name} for name in ("jpeg", "webp", "ktx2")},
+        **{f"{name}, all texels": {"textures": name, "max_texture_mb": inf} for name in ("jpeg", "ktx2")},
+        "jpeg, lit": {"textures": "jpeg", "lit": True},
+        **{f"{name}, lit, night": {"textures": name, "night": True} for name in ("jpeg", "ktx2")},
+    },
+    "glb": {"lit": {"lit": True}, "unlit": {"lit": False}, "factored": {"textures": "factored"}},
+    "usd": {"lit": {"lit": True}, "unlit": {"lit": False}},
+}
+# What asks a program about an export, by the program's name in the registry of formats.
+_PROGRAMS: dict[str, Callable[..., Row]] = {
+    "CesiumJS": _tiles_in_cesium,
+    "3d-tiles-renderer": _tiles_in_three,
+    "three.js": _model_in_three,
+    "Khronos' validator": _by_khronos,
+    "Blender": _in_blender,
+    "cjio, Blender": _in_blender,
+    "val3dity": _by_val3dity,
+    "GDAL": _by_gdal,
+}
+
+
 def _checks() -> list[tuple[str, str, Callable[[Exports], Row]]]:
     """(program, format with its options, what asks)."""
-    tiles: dict[str, dict[str, Any]] = {name: {"textures": name} for name in ("jpeg", "webp", "ktx2")}
-    tiles |= {f"{name}, all texels": {"textures": name, "max_texture_mb": inf} for name in ("jpeg", "ktx2")}
-    tiles |= {"jpeg, lit": {"textures": "jpeg", "lit": True}}
-    tiles |= {f"{name}, lit, night": {"textures": name, "night": True} for name in ("jpeg", "ktx2")}
-    models: dict[str, dict[str, Any]] = {
-        "lit": {"lit": True},
-        "unlit": {"lit": False},
-        "factored": {"textures": "factored"},
-    }
-    found: list[tuple[str, str, Callable[[Exports], Row]]] = []
-    for name, options in tiles.items():
-        found += [
-            ("CesiumJS", f"3dtiles, {name}", partial(_tiles_in_cesium, **options)),
-            ("3d-tiles-renderer", f"3dtiles, {name}", partial(_tiles_in_three, **options)),
-            ("Khronos' validator", f"3dtiles, {name}", partial(_by_khronos, style="3dtiles", **options)),
-        ]
-    for name, options in models.items():
-        found += [
-            ("three.js", f"glb, {name}", partial(_model_in_three, style="glb", **options)),
-            ("Khronos' validator", f"glb, {name}", partial(_by_khronos, style="glb", **options)),
-            ("Blender", f"glb, {name}", partial(_in_blender, style="glb", **options)),
-        ]
-    for style in ("cityjson", "lod3"):
-        found += [
-            ("val3dity", style, partial(_by_val3dity, style=style)),
-            ("cjio, Blender", style, partial(_in_blender, style=style)),
-        ]
-    for lit in (True, False):
-        found.append(("Blender", f"usd, {'lit' if lit else 'unlit'}", partial(_in_blender, style="usd", lit=lit)))
-    return [*found, ("GDAL", "gpkg", _tables), ("GDAL", "cog", _walls)]
+    return [
+        (program, f"{style}, {name}" if name else style, partial(_PROGRAMS[program], style=style, **options))
+        for style, entry in FORMATS.items()
+        for name, options in _VARIANTS.get(style, {"": {}}).items()
+        for program in entry.opened_in
+    ]
 
 
 def rows(out: Path, folder: Path, val3dity: Path, only: frozenset[str]) -> list[Row]:

@@ -2,7 +2,7 @@
 
 The table, its rows, the viewer's labels, STAC properties, the metadata of exported models and the reference page
 docs/reference/columns.md follow from it. To add a column, add an entry here; if no field of the journal record and no
-value of the plan has the value, write a small function in `facade_values`. Then run `python -m catalogs.reference`.
+value of the plan has the value, write a small function in `facade_values`. Then run `python -m tasks.reference`.
 """
 
 from __future__ import annotations

@@ -13,6 +13,7 @@ from flows.cli.paths import EXISTING_FOLDER, EXISTING_OUT, LocalOutputPath
 from flows.cli.usage import BboxCommand, current_user
 from flows.cli.viewed import find_viewed_folder
 from flows.viewer import VIEWER_HOST, VIEWER_PORT
+from tasks.export.registry import FORMATS, Purpose, list_city_formats
 
 if TYPE_CHECKING:
     from catalogs.published.folders import Folder
@@ -97,30 +98,42 @@ def query(
         click.echo(format_items(found, style, where))
 
 
-@click.command(short_help="Export a run or a city: models, tables, annotations.")
+class ExportCommand(click.Command):
+    """Command whose help lists the formats."""
+
+    def format_help_text(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the help, and what each format contains."""
+        super().format_help_text(ctx, formatter)
+        formatter.write_paragraph()
+        with formatter.indentation():
+            formatter.write_text(f"Formats of a city: {', '.join(list_city_formats())}.")
+        with formatter.section("Formats"):
+            formatter.write_dl(
+                [
+                    (name, entry.content + (f" (`{entry.setup}`)" if entry.setup else ""))
+                    for name, entry in FORMATS.items()
+                ]
+            )
+
+
+def _with_formats(option: str) -> str:
+    """Return the beginning of an option's help, which lists the formats that accept it."""
+    names = [name for name, entry in FORMATS.items() if option in {*entry.options, *entry.factored_options}]
+    return f"With {' or '.join(names)}:"
+
+
+@click.command(cls=ExportCommand, short_help="Export a run or a city: models, tables, annotations.")
 @click.argument("folder", metavar="OUT", type=EXISTING_OUT)
 @click.option(
     "--format",
     "style",
     required=True,
-    type=click.Choice(
-        [
-            "glb",
-            "3dtiles",
-            "cityjson",
-            "cityjsonseq",
-            "lod3",
-            "citygml",
-            "coco",
-            "labelme",
-            "gpkg",
-            "geoparquet",
-            "cog",
-            "usd",
-        ]
-    ),
-    help="glb, 3dtiles, cityjson(seq), lod3, citygml, usd: models; coco, labelme: elements of the facades; gpkg, "
-    "geoparquet, cog: for GIS.",
+    type=click.Choice(list(FORMATS)),
+    help="; ".join(
+        f"{', '.join(name for name, entry in FORMATS.items() if entry.purpose == purpose)}: {purpose}"
+        for purpose in Purpose
+    )
+    + ".",
 )
 @click.option(
     "--to",
@@ -131,20 +144,20 @@ def query(
 @click.option(
     "--textures",
     type=click.Choice(["jpeg", "webp", "ktx2", "factored"]),
-    help="With 3dtiles: ktx2 stays compressed in graphics memory (`make ktx2-setup`).  [default: jpeg]  With 3dtiles and "
-    "glb: factored stores each type of window, door ... once and sharp, on walls of a tiling material.",
+    help=f"{_with_formats('textures')} factored stores each type of window, door ... once and sharp, on walls of a tiling "
+    "material. With 3dtiles: ktx2 stays compressed in graphics memory (`make ktx2-setup`).  [default: jpeg]",
 )
 @click.option(
     "--max-texture-mb",
     type=click.FloatRange(min=1),
     metavar="MB",
-    help="With 3dtiles: downscale textures until a view takes at most this graphics memory; inf: no limit.  "
-    "[default: 300, ktx2 120]",
+    help=f"{_with_formats('max_texture_mb')} downscale textures until a view takes at most this graphics memory; inf: no "
+    "limit.  [default: 300, ktx2 120]",
 )
 @click.option(
     "--lit/--no-lit",
     default=None,
-    help="With glb, usd and 3dtiles: materials for lighting, with baked shading removed.  [default: glb and usd without "
+    help=f"{_with_formats('lit')} materials for lighting, with baked shading removed.  [default: glb and usd without "
     "photographs]",
 )
 @click.option(
@@ -155,8 +168,8 @@ def query(
 @click.option(
     "--crs",
     type=click.Choice(["native"]),
-    help="With 3dtiles: coordinates and heights of the block's own CRS, for maps in that CRS, in exports/3dtiles-native.  "
-    "[default: on the earth]",
+    help=f"{_with_formats('crs')} coordinates and heights of the block's own CRS, for maps in that CRS, in "
+    "exports/3dtiles-native.  [default: on the earth]",
 )
 def export(
     folder: Folder,
@@ -173,24 +186,10 @@ def export(
 
     Replaces an earlier export in the same place unless it was edited.
 
-    \b
-    glb           block and buildings, in metres around an origin that its extras state with the CRS; y up
-    3dtiles       on the earth (EPSG:4978); heights above the ellipsoid by geoid_separation of the block file; with
-                  --crs native in the block's CRS, with the block's heights
-    cityjson(seq) LoD2, in the block's CRS; a Solid for each building with a closed surface
-    lod3          as cityjson, with windows and doors recessed in the walls, balconies and ledges projecting from them
-    citygml       lod3 as CityGML 2.0, textures as its theme rgbTexture
-    gpkg          facades, walls, buildings, roofs, ground, streets, in the block's CRS, with QGIS styles
-    geoparquet    the same layers, a file each
-    usd           z up, in metres around an origin that the layer's customLayerData states; lit (`make usd-setup`)
-    cog           an orthophoto of each facade: metres along and up its wall; its tags and STAC Item have the wall's pose;
-                  facades.vrt shows all side by side
-    coco,labelme  elements of the facades on their rectified pictures, in pixels
-
     The block's CRS is metric; heights are metres, as the sources state them or above the ground assumed there.
 
-    A city is exported as 3dtiles, cityjsonseq, lod3 (as CityJSONSeq), gpkg, geoparquet, cog or usd: one block after the
-    other, in the memory of one. A killed export resumes, and one of which nothing changed is kept.
+    A city is exported one block after the other, in the memory of one. A killed export resumes, and one of which nothing
+    changed is kept.
 
     \b
     Examples:

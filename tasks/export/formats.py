@@ -6,7 +6,7 @@ import fcntl
 import glob
 import os
 import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from catalogs.published.s3 import S3Path, folder_at
 from facade_core.core.errors import InputError
 from tasks.export.code_digest import export_key
 from tasks.export.earth import NATIVE_CRS
-from tasks.export.models import FACTORED
+from tasks.export.registry import FACTORED, FORMATS, list_formats_with
 from tasks.export.targets import (
     HIDDEN_MARKER,
     MARKER,
@@ -31,48 +31,6 @@ from tasks.export.targets import (
     write_block_marker,
 )
 from tasks.publish.published_run import PublishedBlock, open_published_run
-
-# Writes an export: (results, buildings, folder, **options) -> (files to open first, notes).
-Writer = Callable[..., tuple[list[str], list[str]]]
-
-
-def _writers() -> dict[str, Writer]:
-    from tasks.export.city import write_cityjson, write_cityjson_lod3, write_cityjsonseq
-    from tasks.export.citygml import write_citygml
-    from tasks.export.facades import write_coco, write_labelme
-    from tasks.export.maps import write_geopackage, write_geoparquet
-    from tasks.export.models import write_3dtiles, write_glb_models
-    from tasks.export.orthophotos import write_cogs
-    from tasks.export.usd import write_usd
-
-    return {
-        "glb": write_glb_models,
-        "3dtiles": write_3dtiles,
-        "cityjson": write_cityjson,
-        "cityjsonseq": write_cityjsonseq,
-        "lod3": write_cityjson_lod3,
-        "citygml": write_citygml,
-        "coco": write_coco,
-        "labelme": write_labelme,
-        "gpkg": write_geopackage,
-        "geoparquet": write_geoparquet,
-        "cog": write_cogs,
-        "usd": write_usd,
-    }
-
-
-FORMATS = (
-    "glb", "3dtiles", "cityjson", "cityjsonseq", "lod3", "citygml", "coco", "labelme", "gpkg", "geoparquet", "cog", "usd",
-)  # fmt: skip
-
-# Formats that accept an option; factored ones are listed separately.
-FORMATS_BY_OPTION = {
-    "textures": ("3dtiles", f"{FACTORED} 3dtiles", f"{FACTORED} glb"),
-    "max_texture_mb": ("3dtiles",),
-    "lit": ("glb", "3dtiles", "usd"),
-    "night": ("glb", "3dtiles", "usd"),
-    "crs": ("3dtiles", f"{FACTORED} 3dtiles"),
-}
 
 
 def export_run(
@@ -98,7 +56,7 @@ def export_run(
     Parameters
     ----------
     out : folder of the run, or of the city.
-    format : one of FORMATS; of a city, one of `tasks.export.whole_city.formats.CITY_FORMATS`.
+    format : one of FORMATS; of a city, one that holds it.
     to : target folder; None: OUT/exports/FORMAT, with crs OUT/exports/FORMAT-CRS. A path that ends in .gpkg is one new file.
     buildings : ids of buildings; empty: all.
     textures : encoding of 3dtiles pictures (jpeg if None, webp, ktx2); FACTORED, for glb too: an unlit model of few
@@ -118,12 +76,12 @@ def export_run(
         raise InputError(f"--crs {crs}: is not written; use {NATIVE_CRS}, the block's own, or leave it out")
     asked = {"textures": textures, "max_texture_mb": max_texture_mb, "lit": lit, "night": night or None, "crs": crs}
     options = {name: value for name, value in asked.items() if value is not None}
+    entry = FORMATS[format]
     made = f"{FACTORED} {format}" if textures == FACTORED else format
     for name in options:
-        if made not in FORMATS_BY_OPTION[name]:
-            whose = " and ".join(FORMATS_BY_OPTION[name])
-            raise InputError(f"--{name.replace('_', '-')}: is of {whose}; leave it out with {made}")
-    as_file = format == "gpkg" and to is not None and Path(to).suffix.lower() == ".gpkg"
+        if made not in (formats := list_formats_with(name)):
+            raise InputError(f"--{name.replace('_', '-')}: is of {' and '.join(formats)}; leave it out with {made}")
+    as_file = entry.can_be_file and to is not None and Path(to).suffix.lower() == entry.suffix
     if to is not None:
         check_target(Path(to).resolve(), format, as_file)
     place = folder_at(out)
@@ -154,7 +112,7 @@ def _export(
         check_target(target, format, as_file)
     try:
         with _hold_temporary_folder(target) as temporary:
-            main, notes = _writers()[format](results, chosen, temporary, **options)
+            main, notes = FORMATS[format].write(results, chosen, temporary, **options)
             key = export_key(format, results.snapshot.id, buildings, options)
             if as_file:
                 write_geopackage_stamp(temporary / main[0], key)

@@ -13,6 +13,7 @@ from facade_core.core.arrays import IntArray
 from facade_core.core.errors import InputError
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.export.earth import georeference_tiles
+from tasks.export.registry import FACTORED
 from tasks.publish.published_run import PublishedBlock
 
 if TYPE_CHECKING:
@@ -21,8 +22,6 @@ if TYPE_CHECKING:
 
 # Default picture encoding of 3D Tiles, which every client reads.
 DEFAULT_ENCODING = "jpeg"
-# Value of --textures for models of element types and tiling materials.
-FACTORED = "factored"
 # Statistics of a whole tileset, in its folder.
 STATISTICS_FILE = "figures.json"
 

@@ -20,6 +20,7 @@ from catalogs.published.geopackage_digest import compute_geopackage_digest, read
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
 from facade_core.core.regular_files import open_regular, read_regular
+from tasks.export.registry import FILE_SUFFIXES, FORMATS
 
 if TYPE_CHECKING:
     from tasks.publish.published_run import PublishedBlock
@@ -32,10 +33,6 @@ HIDDEN_MARKER = ".export.json"
 REPLACED = ".old.tmp"
 # Suffix of the file in which GDAL keeps what it found out about another.
 AUXILIARY = ".aux.xml"
-# Suffixes of files, which no folder of an export has.
-_FILE_SUFFIXES = (
-    ".glb", ".json", ".jsonl", ".gml", ".gpkg", ".parquet", ".tif", ".vrt", ".usda", ".usdz", ".zip", ".txt",
-)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -56,7 +53,7 @@ class ExportResult:
 
 def marker_name(format: str) -> str:
     """Return the name of an export's marker file, which lists its sources and digests."""
-    return HIDDEN_MARKER if format == "labelme" else MARKER
+    return HIDDEN_MARKER if FORMATS[format].hides_marker else MARKER
 
 
 def export_folder_name(format: str, options: Mapping[str, object]) -> str:
@@ -126,11 +123,13 @@ def check_target(target: Path, format: str, as_file: bool) -> None:
             raise InputError(f"{target}: {why}; name a new or empty folder with --to")
     elif target.exists():
         raise InputError(f"{target}: is a file, and an export of {format} is a folder; name a folder with --to")
-    elif target.suffix.lower() in _FILE_SUFFIXES:
-        if format == "gpkg":
-            raise InputError(f"--to {target.name}: gpkg goes into a file, such as --to {target.stem}.gpkg, or a folder")
+    elif target.suffix.lower() in FILE_SUFFIXES:
+        if FORMATS[format].can_be_file:
+            remedy = f"such as --to {target.stem}{FORMATS[format].suffix}, or a folder"
+            raise InputError(f"--to {target.name}: {format} goes into a file, {remedy}")
+        files = " and ".join(entry.name for entry in FORMATS.values() if entry.can_be_file)
         raise InputError(
-            f"--to {target.name}: an export of {format} is a folder (only gpkg can be one file); name one, without "
+            f"--to {target.name}: an export of {format} is a folder (only {files} can be one file); name one, without "
             f"{target.suffix}"
         )
 

@@ -92,7 +92,7 @@ def test_a_lit_model_opens_with_all_of_its_pictures(exported: Exported) -> None:
 
 
 def test_openusd_opens_with_all_of_its_pictures(exported: Exported) -> None:
-    pytest.importorskip("pxr", reason="no usd-core here; `make usd-setup` installs it")
+    pytest.importorskip("pxr", reason="no pxr here; `make usd-setup` installs it")
     stage = first(exported("usd"))
     with present():
         (told,) = in_blender([{"open": str(stage)}])

@@ -8,17 +8,14 @@ import json
 import re
 import shutil
 from collections.abc import Iterator
-from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 from urllib.parse import unquote, urljoin, urlparse
 
-import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner
-from lxml import etree
 from rich.console import Console
 
 from catalogs.printable_text import escape_invisible, escape_invisible_json
@@ -30,7 +27,7 @@ from flows.markdown import escape_markdown, markdown_code
 from tasks.engine.outcome import log_units
 from tasks.export.formats import export_run
 from tasks.viewing.run_view import RunReader
-from tests.exports import EACH
+from tests.exports import EACH, READERS
 from tests.faults.hostile_names import BROKEN, CONTROLS, DATA, MARKUP, hostile_block
 
 
@@ -125,59 +122,11 @@ def test_a_catalogue_leads_to_runs_of_any_name(made: SimpleNamespace) -> None:
         assert Path(unquote(address.path)).is_file(), link["href"]
 
 
-def names_in(format: str, folder: Path) -> set[str]:
-    """The buildings that an export names, or the facades where it is of facades."""
-    if format == "glb":
-        return {node["name"] for node in gltf(folder / "block.glb")["nodes"]} - {"ground"}
-    if format == "3dtiles":
-        return {name for path in (folder / "tiles").glob("*.glb") for name in buildings_of(path)} - {""}
-    if format in ("cityjson", "lod3"):
-        [path] = folder.glob("*.city.json")
-        things = json.loads(path.read_text("utf-8"))["CityObjects"]
-        return {id for id, thing in things.items() if thing["type"] == "Building"}
-    if format == "cityjsonseq":
-        [path] = folder.glob("*.jsonl")
-        things = {f["id"]: f for f in map(json.loads, path.read_text("utf-8").splitlines()[1:])}
-        return {id for id, f in things.items() if f["CityObjects"][id]["type"] == "Building"}
-    if format == "coco":
-        return {image["facade"] for image in json.loads((folder / "annotations.json").read_text("utf-8"))["images"]}
-    if format == "labelme":
-        found = [json.loads(path.read_text("utf-8")) for path in folder.glob("[!.]*.json")]
-        assert all((folder / one["imagePath"]).is_file() for one in found)
-        return {one["imagePath"] for one in found}
-    if format == "cog":
-        found = [
-            json.loads(path.read_text("utf-8"))
-            for path in folder.glob("*.json")
-            if path.name not in ("export.json", "collection.json")
-        ]
-        assert {path.name for path in folder.glob("*.tif")} == {
-            one["assets"]["orthophoto"]["href"].removeprefix("./") for one in found
-        }
-        return {one["id"] for one in found}
-    if format == "citygml":
-        [path] = folder.glob("*.gml")
-        stated = etree.parse(path).iterfind(".//{*}Building/{*}stringAttribute[@name='id']/{*}value")
-        return {value.text or "" for value in stated}
-    if format == "usd":
-        from pxr import Usd
-
-        [path] = folder.glob("*.usda")
-        stage = Usd.Stage.Open(str(path))
-        return {prim.GetDisplayName() for prim in stage.GetDefaultPrim().GetChildren()} - {"ground"}
-    if format == "geoparquet":
-        return set(pd.read_parquet(folder / "buildings.parquet", columns=["id"]).id)
-    import pyogrio
-
-    [path] = folder.glob("*.gpkg")
-    return set(pyogrio.read_dataframe(path, layer="buildings").id)
-
-
 @pytest.mark.parametrize("format", EACH)
 def test_exports_name_things_as_they_are(format: str, made: SimpleNamespace) -> None:
     target = made.top / "exports" / format
     export_run(made.out, format, target)
-    found = names_in(format, target)
+    found = READERS[format].names(target)
     if format == "labelme":
         assert len(found) == (items(made).kind == "facade").sum()
     elif format == "citygml":  # XML cannot have them all as they are
@@ -192,22 +141,6 @@ def test_exports_name_things_as_they_are(format: str, made: SimpleNamespace) -> 
         assert not path.name.startswith(".") or path.name == ".export.json"  # LabelMe's marker, no picture's
         if path.suffix in (".json", ".jsonl"):
             assert printable(path.read_text("utf-8")), path.name
-
-
-def buildings_of(tile: Path) -> list[str]:
-    """The column of buildings of a tile's property table."""
-    document, data = gltf(tile), tile.read_bytes()
-    start = 20 + int.from_bytes(data[12:16], "little") + 8
-    column = document["extensions"]["EXT_structural_metadata"]["propertyTables"][0]["properties"]["building"]
-    views = [document["bufferViews"][column[key]] for key in ("values", "stringOffsets")]
-    text, offsets = (data[start + view["byteOffset"] :][: view["byteLength"]] for view in views)
-    ends = np.frombuffer(offsets, "<u4").tolist()
-    return [text[a:b].decode() for a, b in pairwise(ends)]
-
-
-def gltf(path: Path) -> dict[str, Any]:
-    data = path.read_bytes()
-    return json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
 
 
 def test_the_viewer_serves_names_as_data(made: SimpleNamespace) -> None:

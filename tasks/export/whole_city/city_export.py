@@ -24,6 +24,7 @@ from tasks.city.city_log import BLOCKS_FOLDER, CityLog, read_city_log
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.export.city_objects import model_origin
 from tasks.export.code_digest import export_key
+from tasks.export.registry import FORMATS, CityFormat
 from tasks.export.targets import (
     MARKER,
     ExportResult,
@@ -35,7 +36,6 @@ from tasks.export.targets import (
     replace_folder,
     write_block_marker,
 )
-from tasks.export.whole_city.formats import ALTERNATIVES, CITY_FORMATS, CityFormat
 from tasks.export.whole_city.notes import PartNotes, list_names
 from tasks.export.whole_city.parts import CityFacts, Part, Staging
 from tasks.publish.published_run import PublishedBlock, open_published_snapshot
@@ -70,9 +70,10 @@ def export_city(
     if to is None and isinstance(out, S3Path):
         raise InputError(f"{out}: a city in a bucket is exported to this machine; name a folder here with --to")
     log = read_city_log(out)
-    if format not in CITY_FORMATS:
+    kind = FORMATS[format].city
+    if not isinstance(kind, CityFormat):
         raise InputError(
-            f"--format {format}: holds one block, and {out} is a city; use {ALTERNATIVES[format]}, or export a block of it, "
+            f"--format {format}: holds one block, and {out} is a city; use {' or '.join(kind)}, or export a block of it, "
             f"such as {out}/{BLOCKS_FOLDER}/{next(iter(log.blocks), 'NAME')}"
         )
     blocks, notes = _list_published_blocks(out, log)
@@ -81,7 +82,6 @@ def export_city(
     default = Path(str(out)).resolve() / "exports" / export_folder_name(format, options)
     target = default if to is None else to.resolve()
     check_target(target, format, as_file)
-    kind = CITY_FORMATS[format]
     city = _read_city_facts(out, log, blocks, kind, in_block_crs="crs" in options)
     gc.collect()  # an opened block is in cycles of references: several of them would stay in memory
     staging = Staging(target.with_name(f".{target.name}.part"), kind.keeps_folders)
@@ -156,7 +156,11 @@ class _CityExport:
         results = open_published_snapshot(snapshot)
         chosen = results.select_buildings([one for one in self.buildings if one in _own_buildings(results)])
         with self.staging.write_part(part) as temporary:
-            files, notes, facts = self.kind.write_part(results, chosen, temporary, self.city, self.options)
+            facts: JsonObject = {}
+            if self.kind.write_part is None:
+                files, notes = FORMATS[self.format].write(results, chosen, temporary.folder, **self.options)
+            else:
+                files, notes, facts = self.kind.write_part(results, chosen, temporary, self.city, self.options)
             marked = self.staging.marked_folder(temporary)
             write_block_marker(marked, results, self.format, key, files, notes, facts)
 
@@ -166,7 +170,7 @@ class _CityExport:
             return False
         sources = [target / part.uri]
         block = self._block_folder(part)
-        if self.kind.is_block_export and isinstance(block, Path):
+        if self.kind.write_part is None and isinstance(block, Path):
             sources.append(block / "exports" / export_folder_name(self.format, self.options))
         return any(self.staging.copy_part(part, source, key) for source in sources)
 
@@ -175,7 +179,7 @@ class _CityExport:
 
     def _part_key(self, part: Part, snapshot: str) -> str:
         """Compute the key of a part; that of the export of the block alone where the files are the same."""
-        if self.kind.is_block_export:
+        if self.kind.write_part is None:
             return export_key(self.format, snapshot, self.buildings, self.options)
         city = [part.block, self.city.name, self.city.crs, self.city.origin.tolist(), self.city.has_unique_ids]
         return export_key(self.format, snapshot, self.buildings, {**self.options, "city": city})

@@ -10,20 +10,11 @@ from urllib.parse import quote
 from facade_core.core.arrays import IntArray
 from facade_core.core.json_types import JsonObject
 from facade_core.export.attribution import Attribution
-from tasks.export.models import write_3dtiles
 from tasks.export.usd import write_usd
 from tasks.export.whole_city.parts import CityFacts, Part
 from tasks.publish.published_run import PublishedBlock
 
 TILESET = "tileset.json"
-
-
-def write_tiles_part(
-    results: PublishedBlock, buildings: IntArray, part: Part, city: CityFacts, options: JsonObject
-) -> tuple[list[str], list[str], JsonObject]:
-    """Write the tileset of a block; see `write_3dtiles`. There are no facts."""
-    files, notes = write_3dtiles(results, buildings, part.folder, **options)
-    return files, notes, {}
 
 
 def join_tilesets(

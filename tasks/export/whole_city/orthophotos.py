@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from urllib.parse import quote
 
-from facade_core.core.arrays import IntArray
 from facade_core.core.json_types import JsonObject
 from facade_core.export.attribution import Attribution
 from tasks.export.orthophoto_index import (
@@ -17,17 +16,7 @@ from tasks.export.orthophoto_index import (
     write_column_sheet,
     write_orthophoto_catalog,
 )
-from tasks.export.orthophotos import write_cogs
 from tasks.export.whole_city.parts import CityFacts, Part
-from tasks.publish.published_run import PublishedBlock
-
-
-def write_orthophoto_part(
-    results: PublishedBlock, buildings: IntArray, part: Part, city: CityFacts, options: JsonObject
-) -> tuple[list[str], list[str], JsonObject]:
-    """Write the orthophotos of a block; see `write_cogs`. There are no facts."""
-    files, notes = write_cogs(results, buildings, part.folder)
-    return files, notes, {}
 
 
 def join_orthophotos(

@@ -12,7 +12,7 @@ import pytest
 from tasks.export.formats import export_run
 from tasks.publish.published_run import PublishedBlock
 
-pxr = pytest.importorskip("pxr", reason="no usd-core here; `make usd-setup` installs it")
+pxr = pytest.importorskip("pxr", reason="no pxr here; `make usd-setup` installs it")
 Run = tuple[Path, dict[str, Any]]
 
 

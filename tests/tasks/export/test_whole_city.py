@@ -11,6 +11,7 @@ import weakref
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -30,19 +31,19 @@ from catalogs.published.map_layers import LAYER_NAMES
 from facade_core.core.errors import InputError
 from flows.cli.commands import command_line
 from tasks.engine.progress import StageProgress, add_listener
-from tasks.export.formats import FORMATS, export_run
+from tasks.export.formats import export_run
+from tasks.export.registry import FORMATS, CityFormat, list_city_formats
 from tasks.export.targets import find_changed_file, read_marker
 from tasks.export.whole_city import city_export
-from tasks.export.whole_city.formats import ALTERNATIVES, CITY_FORMATS
 from tasks.publish.published_run import PublishedBlock, open_published_snapshot
-from tests.exports import WITHOUT_USD
+from tests.exports import select_formats, skip_unless_installed
 from tests.tasks.export.cities import write_city
 from tests.tasks.export.test_city_models import cityjson_is_sound
 
 Run = tuple[Path, dict[str, Any]]
 NAMES = ("a9", "a10")
 # Formats by how they are written; lod3 is as cityjsonseq, and slow.
-EACH = [pytest.param(name, marks=WITHOUT_USD) if name == "usd" else name for name in CITY_FORMATS if name != "lod3"]
+EACH = select_formats(one for one in list_city_formats() if one != "lod3")
 
 
 @pytest.fixture(scope="module")
@@ -71,8 +72,9 @@ def read_files(folder: Path) -> dict[str, bytes]:
 
 
 def test_each_format_holds_a_city_or_says_what_does(city: Path, tmp_path: Path) -> None:
-    assert set(FORMATS) == CITY_FORMATS.keys() | ALTERNATIVES.keys()
-    for style, others in ALTERNATIVES.items():
+    for style in FORMATS.keys() - set(list_city_formats()):
+        others = " or ".join(FORMATS[style].city)
+        assert set(FORMATS[style].city) <= set(list_city_formats())
         done = click.testing.CliRunner().invoke(command_line, ["export", str(city), "--format", style])
         assert done.exit_code == 2
         assert f"use {others}" in done.stderr
@@ -258,7 +260,7 @@ def test_orthophotos_of_a_city_are_one_raster_and_one_catalogue(export_once: Any
                 assert (part == picture.read(2)).mean() > 0.98
 
 
-@WITHOUT_USD
+@skip_unless_installed("usd")
 def test_a_stage_of_a_city_loads_blocks_where_they_are(export_once: Any, found: PublishedBlock) -> None:
     from pxr import Usd, UsdGeom
 
@@ -283,17 +285,20 @@ def test_a_killed_export_goes_on_and_gives_the_same_bytes(
     style: str, city: Path, export_once: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     expected = read_files(export_once(style))
-    write, written = CITY_FORMATS[style].write_part, []
+    entry, written = FORMATS[style], []
+    kind = entry.city
+    assert isinstance(kind, CityFormat)
+    write = kind.write_part or entry.write
 
-    def dying(results: PublishedBlock, buildings: Any, part: Any, facts: Any, options: Any) -> Any:
-        done = write(results, buildings, part, facts, options)
-        written.append(part.block)
+    def dying(results: PublishedBlock, *arguments: Any, **options: Any) -> Any:
+        done = write(results, *arguments, **options)
+        written.append(results.block)
         if len(written) == 2:
             raise KeyboardInterrupt
         return done
 
-    mortal = SimpleNamespace(**{**vars(CITY_FORMATS[style]), "write_part": dying})
-    monkeypatch.setitem(city_export.CITY_FORMATS, style, mortal)
+    changed: dict[str, Any] = {"city": replace(kind, write_part=dying)} if kind.write_part else {"write": dying}
+    monkeypatch.setitem(FORMATS, style, replace(entry, **changed))
     with pytest.raises(KeyboardInterrupt):
         export_run(city, style, tmp_path / style)
     assert not (tmp_path / style).exists()
@@ -306,17 +311,18 @@ def test_a_killed_export_goes_on_and_gives_the_same_bytes(
 def test_a_kill_while_parts_are_joined_is_resumed(
     city: Path, export_once: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    kind = CITY_FORMATS["gpkg"]
+    entry = FORMATS["gpkg"]
+    kind = entry.city
+    assert isinstance(kind, CityFormat)
 
     def dying(folder: Path, *rest: Any) -> list[str]:
         kind.join(folder, *rest)
         raise KeyboardInterrupt
 
-    mortal = SimpleNamespace(**{**vars(kind), "join": dying})
-    monkeypatch.setitem(city_export.CITY_FORMATS, "gpkg", mortal)
+    monkeypatch.setitem(FORMATS, "gpkg", replace(entry, city=replace(kind, join=dying)))
     with pytest.raises(KeyboardInterrupt):
         export_run(city, "gpkg", tmp_path / "gpkg")
-    monkeypatch.setitem(city_export.CITY_FORMATS, "gpkg", kind)
+    monkeypatch.setitem(FORMATS, "gpkg", entry)
     events: list[StageProgress] = []
     stop = add_listener(events.append)
     export_run(city, "gpkg", tmp_path / "gpkg")
