@@ -69,6 +69,11 @@ def attributions_in_glb(folder: Path) -> Iterable[str]:
     return map(copyright_of, folder.rglob("*.glb"))
 
 
+def attributions_in_obj(folder: Path) -> Iterable[str]:
+    (file,) = folder.glob("*.obj")
+    yield file.read_text("utf-8").splitlines()[0].removeprefix("# ")
+
+
 def attributions_in_tiles(folder: Path) -> Iterable[str]:
     yield json.loads((folder / "tileset.json").read_text())["asset"]["extras"]["attribution"]["line"]
     yield from attributions_in_glb(folder)
@@ -154,6 +159,12 @@ def names_in_glb(folder: Path) -> set[str]:
     return {node["name"] for node in gltf(folder / "block.glb")["nodes"]} - {"ground"}
 
 
+def names_in_obj(folder: Path) -> set[str]:
+    (file,) = folder.glob("*.obj")
+    lines = file.read_text("utf-8").splitlines()
+    return {line.removeprefix("o ") for line in lines if line.startswith("o ")} - {"ground"}
+
+
 def names_in_tiles(folder: Path) -> set[str]:
     return {name for path in (folder / "tiles").glob("*.glb") for name in buildings_of(path)} - {""}
 
@@ -230,6 +241,7 @@ def gltf(path: Path) -> dict[str, Any]:
 
 READERS = {
     "glb": ExportReader(attributions_in_glb, names_in_glb),
+    "obj": ExportReader(attributions_in_obj, names_in_obj),
     "3dtiles": ExportReader(attributions_in_tiles, names_in_tiles),
     "cityjson": ExportReader(attributions_in_cityjson, names_in_cityjson),
     "cityjsonseq": ExportReader(attributions_in_cityjson, names_in_features),

@@ -163,6 +163,14 @@ _ENTRIES = (
         opened_in=("CesiumJS", "3d-tiles-renderer", "Khronos' validator"),
     ),
     ExportFormat(
+        "obj",
+        Purpose.MODEL,
+        "Wavefront OBJ with an object for each building and unlit textures, in the frame of glb; most 3D programs open it",
+        ".obj",
+        _imported("obj", "write_obj"),
+        city=("3dtiles", "usd"),
+    ),
+    ExportFormat(
         "cityjson",
         Purpose.MODEL,
         "CityJSON 2.0 in the block's CRS: textured LoD2 with semantic surfaces; a Solid for each building with a closed "
@@ -268,7 +276,7 @@ _ENTRIES = (
 )
 FORMATS = {entry.name: entry for entry in _ENTRIES}
 # Suffixes of files, which no folder of an export has.
-FILE_SUFFIXES = {Path(entry.suffix).suffix for entry in _ENTRIES} | {*OTHER_FILE_SUFFIXES}
+FILE_SUFFIXES = {Path(f"file{entry.suffix}").suffix for entry in _ENTRIES} | {*OTHER_FILE_SUFFIXES}
 
 
 def list_formats_with(option: str) -> list[str]:

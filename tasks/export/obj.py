@@ -1,0 +1,58 @@
+"""Wavefront OBJ of a published block, which nearly every 3D program opens."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from catalogs.features import safe_file_stem
+from catalogs.printable_text import escape_invisible
+from facade_core.core.arrays import IntArray
+from tasks.engine.progress import begin_stage, report_progress
+from tasks.export.city import TEXTURE_FOLDER
+from tasks.export.models import append_ground_index
+from tasks.publish.published_run import PublishedBlock
+
+
+def write_obj(results: PublishedBlock, buildings: IntArray, folder: Path) -> tuple[list[str], list[str]]:
+    """Write BLOCK.obj with an object for each building, BLOCK.mtl and textures, in the frame of `glb`.
+
+    Parameters
+    ----------
+    results : published results of a block.
+    buildings : (n,) indices of buildings.
+    folder : target folder.
+
+    Returns
+    -------
+    files : files to open first.
+    notes : remarks for the user.
+    """
+    from facade_core.export.models.obj import format_materials, format_obj
+    from facade_core.export.models.textured_mesh import (
+        build_nodes,
+        encode_page,
+        mesh_y_up_frame,
+        pack_charts_on_pages,
+    )
+
+    source = results.textured_mesh
+    drawn = pack_charts_on_pages(source, source.select_charts(append_ground_index(results, buildings)))
+    frame = mesh_y_up_frame(results.plan.scene.mesh)
+    textures = [f"{TEXTURE_FOLDER}/{page:04}.jpg" for page in range(len(drawn.layout.pages))]
+    begin_stage("export", len(textures) + 1)
+    (folder / TEXTURE_FOLDER).mkdir()
+    for page, texture in enumerate(textures):
+        (folder / texture).write_bytes(encode_page(drawn, page))
+        report_progress("export", 1)
+    nodes, _ = build_nodes([drawn], {b: escape_invisible(name) for b, name in results.names.items()}, frame)
+    origin = " ".join(f"{value:.3f}" for value in frame.origin.tolist())
+    comments = [
+        escape_invisible(results.attribution.line),
+        f"Metres, y up, around x y z = {origin} of {results.crs}",
+    ]
+    stem = safe_file_stem(results.block)
+    with (folder / f"{stem}.obj").open("w", encoding="utf-8") as file:
+        file.writelines(format_obj(nodes, f"{stem}.mtl", comments))
+    (folder / f"{stem}.mtl").write_text(format_materials(textures), encoding="utf-8")
+    report_progress("export", 1)
+    return [f"{stem}.obj"], []

@@ -1,0 +1,32 @@
+"""The block as Wavefront OBJ: the triangles, places and textures of the model as GLB."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+from PIL import Image
+
+from tasks.export.formats import export_run
+from tasks.publish.published_run import PublishedBlock
+
+
+def test_an_obj_is_the_textured_model(
+    undisturbed: tuple[Path, dict[str, Any]], found: PublishedBlock, tmp_path: Path
+) -> None:
+    path = Path(str(export_run(undisturbed[0], "obj", tmp_path / "obj").files[0]))
+    glb = Path(str(export_run(undisturbed[0], "glb", tmp_path / "glb", lit=False).files[0]))
+    model, other = trimesh.load(path, process=False), trimesh.load(glb, process=False)
+    np.testing.assert_allclose(model.bounds, other.bounds, atol=0.002)
+    assert sum(len(part.faces) for part in model.geometry.values()) == len(found.textured_mesh.mesh.triangles)
+    lines = path.read_text("utf-8").splitlines()
+    objects = [line.removeprefix("o ") for line in lines if line.startswith("o ")]
+    assert objects == [*found.names.values(), "ground"]
+    used = {line for line in lines if line.startswith("usemtl ")}
+    textures = [line.split()[1] for line in path.with_suffix(".mtl").read_text().splitlines() if "map_Kd" in line]
+    assert len(used) == len(textures)
+    for texture in textures:
+        with Image.open(path.parent / texture) as image:
+            assert image.format == "JPEG"
