@@ -33,7 +33,6 @@ from flows.step_reporter import report_steps
 from flows.submission import Submit, TaskFuture, queue_end, submit_to_pool, submit_to_prefect
 from tasks.city.block_process import run_block
 from tasks.city.city_log import (
-    DEADLINE_EXIT_CODE,
     BlockResult,
     CityLog,
     load_or_partition_city,
@@ -43,6 +42,7 @@ from tasks.city.city_log import (
 )
 from tasks.city.city_products import write_city_products
 from tasks.city.source_digests import block_code_version
+from tasks.engine.compute.commands import DEADLINE_EXIT_CODE
 from tasks.engine.compute.connect import start_shared_workers
 
 MAX_CONCURRENT_BLOCKS = 64

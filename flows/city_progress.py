@@ -9,8 +9,9 @@ from dataclasses import dataclass, field
 from catalogs.published.folders import Folder
 from flows.city_options import CityOptions
 from flows.console import format_duration
-from tasks.city.block_process import block_output_path, read_newest_line
+from tasks.city.block_process import block_output_path
 from tasks.city.city_log import CityLog
+from tasks.engine.compute.commands import read_newest_line
 
 # Longest silence in seconds.
 PROGRESS_INTERVAL_S = 20.0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 import tempfile
 import threading
 from contextlib import suppress
@@ -15,7 +14,7 @@ from catalogs.published.folders import Folder
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
 from flows.lock import is_locked
-from tasks.engine.compute.child_processes import end_with_parent
+from tasks.engine.compute.commands import read_newest_line, run_command
 
 
 class BackgroundRun:
@@ -26,6 +25,7 @@ class BackgroundRun:
         self._lock = threading.Lock()
         self._thread: threading.Thread | None = None
         self._last_line, self._failed = "", False
+        self._errors: Path | None = None
 
     def start(self, block: Path) -> None:
         """Start the run.
@@ -44,7 +44,9 @@ class BackgroundRun:
 
     def status(self) -> JsonObject:
         """Return whether the run is in progress, its last line, and whether it failed."""
-        return {"under_way": self._is_running, "said": self._last_line, "failed": self._failed}
+        errors = self._errors
+        last_line = read_newest_line(errors) if errors else ""
+        return {"under_way": self._is_running, "said": last_line or self._last_line, "failed": self._failed}
 
     @property
     def _is_running(self) -> bool:
@@ -52,29 +54,17 @@ class BackgroundRun:
 
     def _run(self, block: Path) -> None:
         # This thread starts the process and lives as long: the end of the viewer ends the run; its commits are kept.
-        with tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as output:
+        with tempfile.TemporaryDirectory() as folder:
+            self._errors = Path(folder) / "errors.txt"
             try:
-                process = subprocess.Popen(
-                    [sys.executable, "-m", "flows", "run", str(block), "--out", str(self.out), "--json"],
-                    stdin=subprocess.DEVNULL,
-                    stdout=output,
-                    stderr=subprocess.PIPE,
-                    text=True,
-                    errors="replace",
-                    preexec_fn=end_with_parent,
-                )
+                command = run_command(["run", str(block), "--out", str(self.out), "--json"], None, self._errors)
+                self._last_line, self._failed = command.last_line or self._last_line, command.code != 0
+                with suppress(LookupError, ValueError, TypeError):  # the run ended early; its last line has the reason
+                    self._last_line = describe_outcome(json.loads(command.output.strip().splitlines()[-1]))
             except (OSError, subprocess.SubprocessError) as error:
                 self._last_line, self._failed = f"the run could not be started: {error}", True
-                return
-            assert process.stderr is not None
-            with process.stderr as lines:
-                for line in lines:
-                    if line.strip():
-                        self._last_line = line.strip().removeprefix("streetloom: ")
-            self._failed = process.wait() != 0
-            output.seek(0)
-            with suppress(LookupError, ValueError, TypeError):  # the run ended early; its last line has the reason
-                self._last_line = describe_outcome(json.loads(output.read().strip().splitlines()[-1]))
+            finally:
+                self._errors = None
 
 
 def describe_outcome(summary: JsonObject) -> str:

@@ -4,17 +4,10 @@ from __future__ import annotations
 
 import json
 import logging
-import os
-import select
-import signal
-import subprocess
-import sys
-import tempfile
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import IO
 
 from prefect import task
 from prefect.cache_policies import NO_CACHE
@@ -22,15 +15,13 @@ from prefect.cache_policies import NO_CACHE
 from catalogs.published.folders import Folder, local_run_folder
 from catalogs.published.snapshot import find_current_snapshot
 from facade_core.core.json_types import JsonObject
-from tasks.city.city_log import BLOCKS_FOLDER, DEADLINE_EXIT_CODE, BlockResult, block_tileset_path
-from tasks.engine.compute.child_processes import end_with_parent
+from tasks.city.city_log import BLOCKS_FOLDER, BlockResult, block_tileset_path
+from tasks.engine.compute.commands import DEADLINE_EXIT_CODE, run_command
 
 log = logging.getLogger(__name__)
 
 # Exit code of sysexits.h for failures of the machine; a block with it is run again, as one with DEADLINE_EXIT_CODE is.
 MACHINE_EXIT_CODE = 70
-# Seconds between SIGTERM and SIGKILL; commits are atomic, so a block ends quickly.
-TERMINATION_TIMEOUT_S = 30.0
 # Keys of a block's summary that do not describe its content.
 _OMITTED_KEYS = ("outputs", "failures", "out", "seconds")
 
@@ -38,15 +29,6 @@ _OMITTED_KEYS = ("outputs", "failures", "out", "seconds")
 def block_output_path(out: Folder, name: str) -> Path:
     """Return the file on this machine that holds what a running block prints on stderr."""
     return local_run_folder(out) / "running" / f"{name}.txt"
-
-
-def read_newest_line(path: Path) -> str:
-    """Return the last line that a running block printed; empty before the first."""
-    try:
-        lines = path.read_text(encoding="utf-8", errors="replace").strip().splitlines()
-    except OSError:
-        return ""
-    return lines[-1].removeprefix("streetloom: ") if lines else ""
 
 
 @task(name="block", task_run_name="block {name}", cache_policy=NO_CACHE)
@@ -96,7 +78,7 @@ def _run_and_export(
     tiles: bool,
     printed: Path,
 ) -> BlockResult:
-    command = _run_command(["run", str(block_file), "--out", str(folder), *options, "--json"], ends, printed)
+    command = run_command(["run", str(block_file), "--out", str(folder), *options, "--json"], ends, printed)
     code, processor = command.code, command.processor_s
     try:
         summary: JsonObject = json.loads(command.output.strip().splitlines()[-1])
@@ -110,7 +92,7 @@ def _run_and_export(
         before.tiles if snapshot and before.tiles == snapshot and block_tileset_path(folder, snapshot).is_file() else ""
     )
     if code in (0, 1) and tiles and snapshot and not tiled:
-        exported = _run_command(["export", str(folder), "--format", "3dtiles"], ends, printed)
+        exported = run_command(["export", str(folder), "--format", "3dtiles"], ends, printed)
         processor += exported.processor_s
         if exported.code:
             code = DEADLINE_EXIT_CODE if exported.code == DEADLINE_EXIT_CODE else MACHINE_EXIT_CODE
@@ -121,65 +103,6 @@ def _run_and_export(
     return BlockResult(
         code=code, snapshot=snapshot, tiles=tiled, summary=summary_facts, reason=reason, processor=round(processor, 1)
     )
-
-
-@dataclass(frozen=True)
-class CommandResult:
-    """Result of a command line.
-
-    Attributes
-    ----------
-    code : exit code.
-    last_line : last line of stderr.
-    output : stdout.
-    processor_s : processor seconds of the process and of all children that it waited for.
-    """
-
-    code: int
-    last_line: str
-    output: str
-    processor_s: float
-
-
-def _run_command(arguments: Sequence[str], ends: float | None, errors: Path) -> CommandResult:
-    """Run the command line with some arguments until it ends or its deadline passes; its stderr goes to a file."""
-    with tempfile.TemporaryFile() as printed, errors.open("w+b") as said:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "flows", *arguments],
-            stdin=subprocess.DEVNULL,
-            stdout=printed,
-            stderr=said,
-            preexec_fn=end_with_parent,  # a block must not outlive the city's process
-        )
-        handle = os.pidfd_open(process.pid)
-        try:
-            in_time = _has_ended(handle, None if ends is None else max(ends - time.time(), 0.0))
-            if not in_time:
-                signal.pidfd_send_signal(handle, signal.SIGTERM)
-                if not _has_ended(handle, TERMINATION_TIMEOUT_S):
-                    signal.pidfd_send_signal(handle, signal.SIGKILL)
-            _, status, used = os.wait4(process.pid, 0)
-        finally:
-            os.close(handle)
-        code = process.returncode = os.waitstatus_to_exitcode(status)
-        output, lines = (
-            _read_text(printed),
-            [line.removeprefix("streetloom: ") for line in _read_text(said).strip().splitlines()],
-        )
-    processor = used.ru_utime + used.ru_stime
-    if not in_time:
-        return CommandResult(DEADLINE_EXIT_CODE, "its time was up; what is done is kept", output, processor)
-    return CommandResult(code if code >= 0 else 128 - code, lines[-1] if lines else "", output, processor)
-
-
-def _has_ended(handle: int, seconds: float | None) -> bool:
-    """Wait for a process for some seconds; None: without limit."""
-    return bool(select.select([handle], [], [], seconds)[0])
-
-
-def _read_text(file: IO[bytes]) -> str:
-    file.seek(0)
-    return file.read().decode(errors="replace")
 
 
 def _failure_reason(failures: Sequence[str], said: str) -> str:

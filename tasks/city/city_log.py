@@ -39,8 +39,6 @@ SUMMARY_FILE = "summary.json"
 RESULT_FILE = "ended.json"
 # Folder of removed blocks, which a search for runs skips.
 REMOVED_BLOCKS = ".gone"
-# Exit code (sysexits.h) of a block whose time was up.
-DEADLINE_EXIT_CODE = 75
 # Keys of the blocks' summaries that the city's summary adds up.
 SUMMED_KEYS = ("facades_done", "facades_failed", "viewpoints", "units_done", "units_skipped")
 

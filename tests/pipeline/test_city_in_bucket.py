@@ -31,7 +31,7 @@ from flows.city_options import CityOptions
 from flows.cli.commands import command_line
 from flows.lock import is_locked
 from tasks.city import block_process
-from tasks.city.city_log import DEADLINE_EXIT_CODE
+from tasks.engine.compute.commands import DEADLINE_EXIT_CODE, CommandResult, run_command
 from tasks.export.formats import export_run
 from tasks.viewing.city_view import CityReader
 from tasks.viewing.find import find_in_city
@@ -46,19 +46,19 @@ from tests.pipeline.test_cluster import finish, machines, wait_until
 pytestmark = [pytest.mark.long, pytest.mark.timeout(2400)]
 
 # What runs a block as it is typed.
-TYPED = block_process._run_command
+TYPED = run_command
 
 
-def run_in_process(arguments: Sequence[str], ends: float | None, errors: Path) -> block_process.CommandResult:
+def run_in_process(arguments: Sequence[str], ends: float | None, errors: Path) -> CommandResult:
     """What the command line does with some arguments, here."""
     if arguments[0] == "run":
         try:
             summary = run_block_without_server(Path(arguments[1]), folder_at(arguments[3]), workers=1)
         except InputError as error:
-            return block_process.CommandResult(2, str(error), "", 0.0)
-        return block_process.CommandResult(0, "", json.dumps(summary, default=str), 0.0)
+            return CommandResult(2, str(error), "", 0.0)
+        return CommandResult(0, "", json.dumps(summary, default=str), 0.0)
     export_run(folder_at(arguments[1]), arguments[3])
-    return block_process.CommandResult(0, "", "", 0.0)
+    return CommandResult(0, "", "", 0.0)
 
 
 def textured(file: Path, out: Folder, **asked: Any) -> dict[str, Any]:
@@ -73,7 +73,7 @@ def cities(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, S3P
     file.write_text(yaml.safe_dump(keys))
     with served("city") as address, pytest.MonkeyPatch.context() as patch:
         patch.setattr(facade_core.export.pictures.views, "VIEW_SIZE", VIEW_SIZE)
-        patch.setattr(block_process, "_run_command", run_in_process)
+        patch.setattr(block_process, "run_command", run_in_process)
         patch.setenv("XDG_CACHE_HOME", str(base / "cache"))
         out = S3Path(f"{address.removeprefix('s3://')}/town")
         here, there = textured(file, base / "out"), textured(file, out)
@@ -163,7 +163,7 @@ def test_stopped_by_the_clock_and_killed_it_goes_on_to_the_same(
 ) -> None:
     file, out, _, first = cities
     base, killed = file.parent, S3Path(f"{out.parent.path}/killed")
-    monkeypatch.setattr(block_process, "_run_command", TYPED)
+    monkeypatch.setattr(block_process, "run_command", TYPED)
 
     # a night that begins when it is to be over, by the flow
     late = SimpleNamespace(scheduled_start_time=datetime(2026, 3, 1, 1, 0, tzinfo=UTC))

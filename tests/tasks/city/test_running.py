@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from tasks.city import block_process
 from tasks.city.block_process import MACHINE_EXIT_CODE, run_block
-from tasks.city.city_log import DEADLINE_EXIT_CODE, BlockResult
+from tasks.city.city_log import BlockResult
+from tasks.engine.compute.commands import DEADLINE_EXIT_CODE, TERMINATION_TIMEOUT_S
 
 
 def ended(folder: Path, ends: float | None = None) -> BlockResult:
@@ -41,4 +41,4 @@ def test_a_block_whose_time_is_up_is_ended(tmp_path: Path) -> None:
     how = ended(tmp_path, begun + 0.05)
     assert how.code == DEADLINE_EXIT_CODE
     assert how.reason == "its time was up; what is done is kept"
-    assert time.time() - begun < block_process.TERMINATION_TIMEOUT_S
+    assert time.time() - begun < TERMINATION_TIMEOUT_S
