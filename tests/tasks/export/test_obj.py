@@ -18,7 +18,7 @@ def test_an_obj_is_the_textured_model(
 ) -> None:
     path = Path(str(export_run(undisturbed[0], "obj", tmp_path / "obj").files[0]))
     glb = Path(str(export_run(undisturbed[0], "glb", tmp_path / "glb", lit=False).files[0]))
-    model, other = trimesh.load(path, process=False), trimesh.load(glb, process=False)
+    model, other = (trimesh.load(file, process=False, force="scene") for file in (path, glb))
     np.testing.assert_allclose(model.bounds, other.bounds, atol=0.002)
     assert sum(len(part.faces) for part in model.geometry.values()) == len(found.textured_mesh.mesh.triangles)
     lines = path.read_text("utf-8").splitlines()
