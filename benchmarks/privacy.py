@@ -26,6 +26,7 @@ import numpy as np
 from benchmarks import faces_and_plates, in_front, shop_signs
 from benchmarks.painter.exemplars import paint_exemplar_set
 from facade_core.core.errors import ImageError
+from facade_core.facade.evidence import Evidence
 from facade_core.facade.photo_facade import build_facade_from_photo
 from facade_core.facade.texture.scale import exemplar_scale
 from facade_core.imagery.detect.detection import detectors_available
@@ -68,7 +69,7 @@ def measure_pasted(facades: Sequence[LabelledFacade], pieces: Sequence[tuple[str
         images += 1
         if number % _FINISHED:
             continue
-        made = build_facade_from_photo(image, np.zeros(facade.labels.shape, bool), seed=number)
+        made = build_facade_from_photo(Evidence(image=image, hidden=np.zeros(facade.labels.shape, bool)), seed=number)
         finished += 1
         found = parse(made.image).occluded
         for x0, y0, x1, y1 in clean_occluder_mask(found)[1]:

@@ -5,23 +5,35 @@ the facade, black where something stands before it), what the run says of it, an
 good, small flaws, visible flaws, unusable, refused. taken: photos as taken, of RueMonge, the Swiss street photos and
 labelmefacade; rectified: rectified photos with trees and cars, of Art-Deco and ECP. Thresholds were chosen on the photos of
 the halves `tuned` and `tuned_2`; those of `judged` and `judged_2` were judged once. before and after: the change of ADR 0122,
-of the second halves that of ADR 0153. The sheet in docs/look is drawn with --licensed, of both judged halves.
+of the second halves that of ADR 0153.
+--seconds: processor seconds and segmentations of photos that are used, from file to completed facade.
+The sheet in docs/look is drawn with --licensed, of both judged halves.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
+import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, cast
+from unittest import mock
 
 import numpy as np
 
+from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import colourise
+from facade_core.facade.photo_facade import build_facade_from_photo
+from facade_core.parsing import network
+from facade_core.parsing.segmentation import Segmentation
 from facade_core.parsing.segmenter import parse
+from facade_core.plan.plan import Plan
+from tasks.stages.facades.evidence import read_evidence
+from tasks.stages.facades.imagery import FacadeImagery
 from tasks.stages.facades.photos import crop_facade_photo
 from tasks.stages.shared.images import read_bounded_picture
 
@@ -31,6 +43,8 @@ VERDICTS = ("good", "small flaws", "visible flaws", "unusable", "refused")
 LICENSED = ("facades/ecp/", "streetphotos/swiss/")
 CHOSEN = Path(__file__).with_suffix(".json")
 ROW_PX, WIDEST_PX, TEXT_PX, GAP_PX = 210, 230, 30, 6
+# Texels of a wall of 15 by 13 metres at 20 a metre.
+TEXELS = 80_000
 
 
 class PhotoCase(NamedTuple):
@@ -89,6 +103,41 @@ def draw_case(data: Path, case: PhotoCase) -> np.ndarray:
     return row
 
 
+def measure_seconds(data: Path, cases: Sequence[PhotoCase], repeats: int) -> dict[str, object]:
+    """Measure the processor seconds, least of some repeats, and the segmentations of photos that are used, with one thread."""
+    import cv2
+
+    cv2.setNumThreads(1)
+    segment, counts, rows = network.Network.segment, [0], []
+
+    def count_segmentation(self: network.Network, image: UInt8Array) -> Segmentation:
+        counts[0] += 1
+        return segment(self, image)
+
+    with mock.patch.object(network.Network, "segment", count_segmentation):
+        for case in cases:
+            imagery = FacadeImagery(photo=data / case.path, rectified=case.rectified)
+            try:
+                height, width = crop_facade_photo(data / case.path, case.rectified).hidden.shape
+            except ImageError:
+                continue
+            share = math.sqrt(TEXELS / (height * width))
+            size, seconds = (round(height * share), round(width * share)), []
+            for _ in range(repeats + 1):  # the first compiles
+                counts[0], start = 0, time.process_time()
+                evidence = read_evidence("photo", cast(Plan, None), 0, size, imagery, (), [])
+                assert evidence is not None
+                build_facade_from_photo(evidence)
+                seconds.append(time.process_time() - start)
+            rows.append((min(seconds[1:]), counts[0]))
+    return {
+        "photos": len(rows),
+        "seconds": round(sum(spent for spent, _ in rows), 2),
+        "median_seconds": round(float(np.median([spent for spent, _ in rows])), 3),
+        "segmentations": [count for _, count in rows],
+    }
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Draw the sheet of a half, and print the counts of its verdicts as JSON."""
     from PIL import Image
@@ -99,6 +148,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--half", nargs="+", choices=HALVES, default=["judged"])
     parser.add_argument("--out", type=Path, help="picture file of the sheet; none is drawn without it")
     parser.add_argument("--licensed", action="store_true", help="draw only photos of sets whose licence permits a copy")
+    parser.add_argument("--seconds", type=int, metavar="PHOTOS", help="measure the processor seconds of so many photos")
     options = parser.parse_args(arguments)
     cases = [case for half in options.half for case in read_cases(half)]
     if options.out is not None:
@@ -110,6 +160,10 @@ def main(arguments: list[str] | None = None) -> None:
         for place, column in enumerate(pairs):
             sheet[: len(column), place * column.shape[1] : (place + 1) * column.shape[1]] = column
         Image.fromarray(sheet).save(options.out, quality=52)
+    if options.seconds is not None:
+        spent = measure_seconds(options.data, cases[:: max(1, len(cases) // options.seconds)], 1)
+        print(json.dumps({"benchmark": "street_photos", "half": " ".join(options.half)} | spent))
+        return
     counts = {verdict: count_verdicts(cases, verdict) for verdict in ("before", "after")}
     print(json.dumps({"benchmark": "street_photos", "half": " ".join(options.half)} | counts))
 

@@ -33,6 +33,7 @@ from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.core.errors import ImageError
 from facade_core.core.provenance import Provenance
 from facade_core.core.resizing import resize_image
+from facade_core.facade.evidence import Evidence
 from facade_core.facade.sharpening import enlarge_classes, enlarge_image
 from facade_core.imagery.rectify.panorama import rectify_chart_from_panorama
 from facade_core.plan.plan import FacadeSightings, Plan
@@ -44,7 +45,7 @@ from tasks.engine.pending import find_pending_units
 from tasks.engine.run import Run
 from tasks.engine.run_key import create_run
 from tasks.engine.unit import Unit
-from tasks.stages.facades.evidence import FacadeEvidence, read_evidence, read_sharp_panorama
+from tasks.stages.facades.evidence import read_evidence, read_sharp_panorama
 from tasks.stages.facades.picture_detail import working_size
 from tasks.stages.facades.stage import list_facade_units
 from tasks.stages.facades.worker import texture_from_pictures
@@ -146,7 +147,7 @@ def _measure_facade(run: Run, plans: tuple[Plan, Plan], unit: Unit, sheets: Path
 
 
 def _rectify_picture(
-    plan: Plan, chart: int, evidence: FacadeEvidence, coarse: tuple[int, int], size: tuple[int, int], scale: float
+    plan: Plan, chart: int, evidence: Evidence, coarse: tuple[int, int], size: tuple[int, int], scale: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Rectify the picture of each texel directly to a size (height, width): (h, w, 3) uint8, and where it shows the wall."""
     if evidence.photo is not None:

@@ -14,8 +14,9 @@ from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
 from facade_core.export.pictures.rendering import ElementRow, draw_layout, encode_image
+from facade_core.facade.evidence import Evidence
 from facade_core.facade.layout.completion import complete
-from facade_core.facade.photo_facade import PhotoMasks, observe_photo
+from facade_core.facade.photo_facade import observe_photo
 from tasks.stages.shared.images import read_image_and_mask
 
 if TYPE_CHECKING:
@@ -80,9 +81,9 @@ def complete_file(path: Path, count: int, pictures: Path | None = None) -> JsonO
         drawing = _blank_drawing(domain, layout.visible)
     else:
         image, hidden = read_image_and_mask(path)
-        photo = observe_photo(image, hidden, PhotoMasks())
-        observed, domain = photo.observed, (0.0, 0.0, float(image.shape[1]), float(image.shape[0]))
-        found = complete(observed, domain, photo.visible_boxes(), n=count, evidence=photo.evidence())
+        photo = observe_photo(Evidence(image=image, hidden=hidden))
+        observed, domain = list(photo.elements), (0.0, 0.0, float(image.shape[1]), float(image.shape[0]))
+        found = complete(observed, domain, photo.visible_boxes(), n=count, evidence=photo.occluded_parsing())
         drawing = _Drawing(image, photo.hidden, domain)
     files = [None] * len(found) if pictures is None else _write_pictures(drawing, found, pictures)
     return {

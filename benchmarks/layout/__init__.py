@@ -49,7 +49,8 @@ def painted(which: Sequence[tuple[str, int]] = PAINTED) -> dict[str, Any]:
     elements of the completed layout that a parse of the finished picture finds again, F1 at IoU 0.5, of all and of those that
     a hole touches; of the true elements that a hole hides in part those that the parse finds, and their number."""
     from benchmarks.painter.facade import paint_facade
-    from facade_core.facade.photo_facade import MappedDoors, PhotoMasks, build_facade_from_photo
+    from facade_core.facade.evidence import Evidence
+    from facade_core.facade.photo_facade import MappedDoors, build_facade_from_photo
     from facade_core.parsing.confidence import box_coverage
 
     texels, counts = {}, np.zeros((3, 3))
@@ -57,8 +58,8 @@ def painted(which: Sequence[tuple[str, int]] = PAINTED) -> dict[str, Any]:
         truth = paint_facade(
             (13.0, 14.0), floors=4, columns=4, style=style, metres_per_pixel=0.06, seed=seed, occluders=2
         )
-        masks, doors = PhotoMasks(is_clean=True), MappedDoors(front=True)
-        made = build_facade_from_photo(truth.image, truth.occluded, masks=masks, doors=doors, seed=1)
+        seen = Evidence(image=truth.image, hidden=truth.occluded, is_clean=True)
+        made = build_facade_from_photo(seen, doors=MappedDoors(front=True), seed=1)
         assert made.completion is not None
         texels[f"{style} {seed}"] = round(float((made.labels == truth.labels)[truth.occluded].mean()), 3)
         layout, again = made.completion.elements, made.elements

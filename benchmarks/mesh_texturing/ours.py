@@ -12,7 +12,7 @@ import numpy as np
 
 from benchmarks.mesh_texturing.cases import UNSEEN_GREY, Case
 from facade_core.core.provenance import Provenance
-from facade_core.facade.photo_facade import MappedDoors, PhotoMasks, build_facade_from_photo
+from facade_core.facade.photo_facade import MappedDoors, build_facade_from_photo
 from facade_core.geometry.charts import ChartKind
 from facade_core.imagery.cameras.camera_view import PanoramaCamera
 from facade_core.imagery.cameras.exposure import (
@@ -149,13 +149,7 @@ def _texture_facade(case: Case, chart: int, files: Sequence[Path], exposure: Com
     evidence = read_evidence("panoramas", plan, chart, size, imagery, (), [])
     if evidence is None:
         return None
-    made = build_facade_from_photo(
-        evidence.image,
-        evidence.hidden,
-        masks=PhotoMasks(None, evidence.outside, evidence.seen.private_mask(size), evidence.clean),
-        doors=MappedDoors((), front=True),
-        seed=1,
-    )
+    made = build_facade_from_photo(evidence, doors=MappedDoors((), front=True), seed=1)
     return made.image, made.provenance
 
 

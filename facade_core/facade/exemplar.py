@@ -11,9 +11,10 @@ from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.resizing import resize_with_labels
 from facade_core.core.types import SHIPPED_MODELS, Box, Element, TrainedModelFiles
+from facade_core.facade.evidence import Evidence
 from facade_core.facade.exemplar_quality import ExemplarQuality, judge_exemplar
 from facade_core.facade.facade import time_stage
-from facade_core.facade.photo_facade import NO_DOORS, PhotoMasks, complete_photo
+from facade_core.facade.photo_facade import NO_DOORS, complete_photo
 from facade_core.facade.texture.scale import exemplar_scale
 from facade_core.imagery.rectify.building_crop import crop_to_facade
 from facade_core.imagery.rectify.shadow import shadow_share
@@ -97,11 +98,11 @@ def prepare_exemplar(
         has_facade = cut.has_facade
         x0, y0, x1, y1 = box = cut.box
         private = None if private is None else private[y0:y1, x0:x1]
-        masks = PhotoMasks(outside=cut.outside, private=private)
-        whole = complete_photo(cut.image, cut.hidden, masks, NO_DOORS, models=models, seed=seed)
+        seen = Evidence(image=cut.image, hidden=cut.hidden, outside=cut.outside, private=private)
+        whole = complete_photo(seen, NO_DOORS, models=models, seed=seed)
         seconds = whole.seconds
         evidence, completed, labels, occluded = cut.image, whole.image, whole.labels, whole.occluded
-        floors, layout, measured, classes = int(whole.estimates.value.floors), whole.elements, whole.image, labels
+        floors, layout, measured, classes = whole.floors, whole.elements, whole.image, labels
     if not floors:
         raise ImageError("no windows are found in it, of which walls could be made; replace or remove it")
     with time_stage(seconds, "scale"):

@@ -11,6 +11,7 @@ from facade_core.core.errors import ImageError
 from facade_core.core.labels import FacadeClass
 from facade_core.core.resizing import resize_image
 from facade_core.core.types import SHIPPED_MODELS, Parsing, TrainedModelFiles
+from facade_core.facade.evidence import Evidence
 from facade_core.facade.exemplar import count_columns
 from facade_core.facade.exemplar_admission import (
     MIN_PIXELS_PER_METRE,
@@ -22,8 +23,6 @@ from facade_core.facade.exemplar_admission import (
 from facade_core.facade.neighbour_removal import find_own_columns
 from facade_core.facade.photo_facade import (
     NO_DOORS,
-    ObservedPhoto,
-    PhotoMasks,
     complete_observed_photo,
     observe_photo,
 )
@@ -100,7 +99,7 @@ def harvest_facade(
     if rectified.residual > MAX_RESIDUAL_DEG:
         raise ImageError(f"its lines are {rectified.residual:.1f} degrees off the axes")
     # later than the cheaper check of lines, which most views without a facade fail
-    check_daylight(photo[..., :3], photo[..., 3] == 0, exposure, model=models.parser)
+    check_daylight(photo[..., :3], photo[..., 3] == 0, exposure)
     middle = rectified.homography @ [photo.shape[1] / 2, photo.shape[0] / 2, 1]
     cut = crop_to_building(rectified.image, ~rectified.seen, middle[0] / middle[2], model=models.parser)
     if not cut.has_facade:
@@ -109,25 +108,26 @@ def harvest_facade(
         raise ImageError(f"its level lines still slope by {slope:.0f} degrees")
     _require_size(cut.hidden)
     image, hidden, outside = _limit_size(cut.image, cut.hidden, cut.outside)
-    observed = observe_photo(image, hidden, PhotoMasks(outside=outside), models=models)
-    image, observed = _trim(image, observed, outside)
+    evidence = Evidence(image=image, hidden=hidden, outside=outside, segmentation=cut.segmentation)
+    observed = _trim(observe_photo(evidence, models=models), outside)
+    image = observed.image
     _require_size(observed.hidden)
     labels = fill_sky_and_unknown(observed.parsing.labels)
-    if not any(each.label == "window" for each in observed.observed) or not count_floors(labels):
+    if not any(each.label == "window" for each in observed.elements) or not count_floors(labels):
         raise ImageError("no windows are found in it")
     scale = exemplar_scale(image, labels, storey=STOREY_M)
-    judgement = assess_candidate(FacadePicture(image, labels, observed.hidden, observed.observed, scale))
+    judgement = assess_candidate(FacadePicture(image, labels, observed.hidden, observed.elements, scale))
     found = HarvestedFacade(
-        image, labels, observed.hidden, scale, count_floors(labels), count_columns(observed.observed), judgement
+        image, labels, observed.hidden, scale, count_floors(labels), count_columns(observed.elements), judgement
     )
     return found if judgement.reasons else _complete(found, observed, models, seed)
 
 
-def _complete(found: HarvestedFacade, observed: ObservedPhoto, models: TrainedModelFiles, seed: int) -> HarvestedFacade:
+def _complete(found: HarvestedFacade, observed: Evidence, models: TrainedModelFiles, seed: int) -> HarvestedFacade:
     """Complete an accepted facade without faces and plates, and judge it again by what it has become."""
     private = detect_on_facade(found.image, found.metres_per_pixel).private_mask(observed.hidden.shape)
     observed = replace(observed, hidden=observed.hidden | private)
-    whole = complete_observed_photo(found.image, observed, NO_DOORS, models=models, seed=seed, seconds={})
+    whole = complete_observed_photo(observed, NO_DOORS, models=models, seed=seed, seconds={})
     labels = fill_sky_and_unknown(whole.labels)
     scale = exemplar_scale(whole.image, labels, storey=STOREY_M)
     judgement = assess_candidate(FacadePicture(whole.image, labels, observed.hidden, whole.elements, scale))
@@ -136,7 +136,7 @@ def _complete(found: HarvestedFacade, observed: ObservedPhoto, models: TrainedMo
         labels,
         whole.occluded,
         scale,
-        int(whole.estimates.value.floors),
+        whole.floors,
         count_columns(whole.elements),
         judgement,
     )
@@ -159,31 +159,29 @@ def _limit_size(image: UInt8Array, hidden: BoolArray, outside: BoolArray) -> tup
     return resize_image(image, size), hidden, outside
 
 
-def _trim(image: UInt8Array, photo: ObservedPhoto, outside: BoolArray) -> tuple[UInt8Array, ObservedPhoto]:
+def _trim(photo: Evidence, outside: BoolArray) -> Evidence:
     """Trim borders that show no facade, bays and floors that the picture cuts through, neighbours, and sky above the eaves."""
     for find_part in (_seen_part, _whole_part, _own_part, _part_below_sky):
-        y0, y1, x0, x1 = find_part(image, photo, outside)
-        image, photo = _cut_part(image, photo, (y0, y1, x0, x1))
+        y0, y1, x0, x1 = find_part(photo, outside)
+        photo = _cut_part(photo, (y0, y1, x0, x1))
         outside = outside[y0:y1, x0:x1]
-    return image, photo
+    return photo
 
 
-def _cut_part(
-    image: UInt8Array, photo: ObservedPhoto, bounds: tuple[int, int, int, int]
-) -> tuple[UInt8Array, ObservedPhoto]:
+def _cut_part(photo: Evidence, bounds: tuple[int, int, int, int]) -> Evidence:
     """Cut a picture and its parse to rows and columns."""
     y0, y1, x0, x1 = bounds
     part = np.s_[y0:y1, x0:x1]
     hidden = photo.hidden[part]
     if hidden.shape == photo.hidden.shape:
-        return image, photo
+        return photo
     parsing = Parsing(photo.parsing.labels[part], photo.parsing.confidence[part], photo.parsing.occluded[part])
-    observed = elements(replace(parsing, occluded=hidden))
-    cut = replace(photo, parsing=parsing, hidden=hidden, observed=observed, masked=())
-    return np.ascontiguousarray(image[part]), cut
+    observed = tuple(elements(replace(parsing, occluded=hidden)))
+    image = np.ascontiguousarray(photo.image[part])
+    return replace(photo, image=image, parsed=parsing, hidden=hidden, elements=observed, masked=())
 
 
-def _seen_part(image: UInt8Array, photo: ObservedPhoto, outside: BoolArray) -> tuple[int, int, int, int]:
+def _seen_part(photo: Evidence, outside: BoolArray) -> tuple[int, int, int, int]:
     """Rows and columns from the first to the last that are mostly seen; all if none is."""
     spans: list[int] = []
     for axis in (1, 0):
@@ -192,7 +190,7 @@ def _seen_part(image: UInt8Array, photo: ObservedPhoto, outside: BoolArray) -> t
     return spans[0], spans[1], spans[2], spans[3]
 
 
-def _whole_part(image: UInt8Array, photo: ObservedPhoto, outside: BoolArray) -> tuple[int, int, int, int]:
+def _whole_part(photo: Evidence, outside: BoolArray) -> tuple[int, int, int, int]:
     """Rows and columns without the bays and the top floor that the borders cut through."""
     labels = photo.parsing.labels
     height, width = labels.shape
@@ -207,16 +205,16 @@ def _whole_part(image: UInt8Array, photo: ObservedPhoto, outside: BoolArray) -> 
     return y0, height, x0, x1
 
 
-def _own_part(image: UInt8Array, photo: ObservedPhoto, outside: BoolArray) -> tuple[int, int, int, int]:
+def _own_part(photo: Evidence, outside: BoolArray) -> tuple[int, int, int, int]:
     """Rows and columns without the neighbours."""
     labels = fill_sky_and_unknown(photo.parsing.labels)
-    return 0, len(labels), *find_own_columns(image, labels, photo.hidden, outside)
+    return 0, len(labels), *find_own_columns(photo.image, labels, photo.hidden, outside)
 
 
-def _part_below_sky(image: UInt8Array, photo: ObservedPhoto, outside: BoolArray) -> tuple[int, int, int, int]:
+def _part_below_sky(photo: Evidence, outside: BoolArray) -> tuple[int, int, int, int]:
     """Rows and columns without sky above the eaves."""
     labels = fill_sky_and_unknown(photo.parsing.labels)
-    return count_sky_rows(image, labels, photo.hidden, outside), len(labels), 0, labels.shape[1]
+    return count_sky_rows(photo.image, labels, photo.hidden, outside), len(labels), 0, labels.shape[1]
 
 
 def _whole_columns(structure: FloorsAndBays, margin: float, width: int) -> tuple[int, int]:

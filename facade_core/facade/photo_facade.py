@@ -4,26 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
 from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.provenance import Provenance
-from facade_core.core.types import SHIPPED_MODELS, Box, Completion, Element, Parsing, TrainedModelFiles
+from facade_core.core.types import SHIPPED_MODELS, Completion, Element, TrainedModelFiles
+from facade_core.facade.evidence import Evidence
 from facade_core.facade.facade import Facade, time_stage
 from facade_core.facade.layout import model as layouts
 from facade_core.facade.layout.completion import complete
-from facade_core.facade.layout.visible_region import dilate_hidden_by_window, visible_region_boxes
 from facade_core.facade.texture.hidden_foot import find_hidden_foot, repeat_storeys
 from facade_core.facade.texture.inpainting import inpaint
 from facade_core.facade.variation.encoding import encode
-from facade_core.parsing.confidence import FacadeEstimates, box_coverage, calibrate_elements, load_calibration
+from facade_core.parsing.confidence import box_coverage, calibrate_elements, load_calibration
 from facade_core.parsing.elements import elements
 from facade_core.parsing.lattice import lattice
 from facade_core.parsing.occluders import OCCLUDER_RIM_SHARE, clean_occluder_mask, dilate, remove_occluders_lining_hole
-from facade_core.parsing.segmenter import parse
+from facade_core.parsing.segmenter import parse, parse_segmentation, segment_picture
 
 # Smallest visible share of a facade to complete; with less the result would be a guess.
 MIN_VISIBLE_SHARE = 0.05
@@ -31,24 +30,6 @@ MIN_VISIBLE_SHARE = 0.05
 BLENDING_RIM_SHARE = 0.006
 # Largest hidden share of an observed element.
 MAX_HIDDEN_SHARE = 0.3
-
-
-@dataclass(frozen=True)
-class PhotoMasks:
-    """Knowledge of the pixels of a rectified photo, besides which do not show the facade.
-
-    Attributes
-    ----------
-    facade : (h, w) bool pixels known to show the facade; no occluder is searched there.
-    outside : (h, w) bool sky and street; the parser may use them as context.
-    private : (h, w) bool faces and number plates.
-    is_clean : True for a photo without occluders.
-    """
-
-    facade: BoolArray | None = None
-    outside: BoolArray | None = None
-    private: BoolArray | None = None
-    is_clean: bool = False
 
 
 @dataclass(frozen=True)
@@ -65,43 +46,19 @@ class MappedDoors:
     front: bool = False
 
 
-NO_MASKS = PhotoMasks()
 NO_DOORS = MappedDoors()
 
 
-class CompletedPhoto(NamedTuple):
-    """Parsed and completed photo, before lattice and variations; fields as in `Facade`."""
-
-    image: UInt8Array
-    labels: UInt8Array
-    occluded: BoolArray
-    masked: tuple[Box, ...]
-    masked_share: float
-    elements: tuple[Element, ...]
-    completion: Completion | None
-    estimates: FacadeEstimates
-    repeated_foot_share: float
-    seconds: dict[str, float]
-
-
 def build_facade_from_photo(
-    image: UInt8Array,
-    hidden: BoolArray,
-    *,
-    masks: PhotoMasks = NO_MASKS,
-    doors: MappedDoors = NO_DOORS,
-    models: TrainedModelFiles = SHIPPED_MODELS,
-    seed: int = 0,
+    evidence: Evidence, *, doors: MappedDoors = NO_DOORS, models: TrainedModelFiles = SHIPPED_MODELS, seed: int = 0
 ) -> Facade:
-    """Run all stages on a rectified photo of a facade.
+    """Run all stages on the rectified picture of a facade.
 
     Occluders that the parser finds are inpainted, so that no tree, face or number plate stays in the texture.
 
     Parameters
     ----------
-    image : (h, w, 3) uint8.
-    hidden : (h, w) bool pixels known not to show the facade.
-    masks : knowledge of the other pixels.
+    evidence : picture and knowledge of its pixels.
     doors : doors from the map.
     models : models of parser and layout.
     seed : seed of completion.
@@ -111,68 +68,15 @@ def build_facade_from_photo(
     ImageError
         If less than MIN_VISIBLE_SHARE of the facade is visible.
     """
-    made = complete_photo(image, hidden, masks, doors, models=models, seed=seed)
-    seconds = made.seconds
-    with time_stage(seconds, "lattice"):
-        split = lattice(made.labels)
-    with time_stage(seconds, "encode"):
-        hierarchy = encode(made.image, made.elements)
-    return Facade(
-        evidence=image,
-        image=made.image,
-        labels=made.labels,
-        occluded=made.occluded,
-        provenance=np.where(made.occluded, Provenance.INPAINTED, Provenance.PHOTO).astype(np.uint8),
-        masked=made.masked,
-        masked_share=made.masked_share,
-        lattice=split,
-        elements=made.elements,
-        hierarchy=hierarchy,
-        completion=made.completion,
-        estimates=made.estimates,
-        repeated_foot_share=made.repeated_foot_share,
-        floors=int(made.estimates.value.floors),
-        seconds=seconds,
-    )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ObservedPhoto:
-    """Parse of a photo, its hidden part and the elements seen in the rest.
-
-    Attributes
-    ----------
-    parsing : parse of the photo.
-    hidden : (h, w) bool pixels that do not show the facade.
-    masked, masked_share : occluders of the photo, and their share of its pixels.
-    observed : elements seen, wholly or in part.
-    """
-
-    parsing: Parsing
-    hidden: BoolArray
-    masked: tuple[Box, ...]
-    masked_share: float
-    observed: list[Element]
-
-    def visible_boxes(self) -> list[tuple[float, float, float, float]]:
-        """Return the visible part as `complete` takes it."""
-        region = visible_region_boxes(dilate_hidden_by_window(self.hidden, self.observed))
-        return region + [(e.x0, e.y0, e.x1, e.y1) for e in self.observed]
-
-    def evidence(self) -> Parsing:
-        """Return the parse with everything hidden marked as occluded."""
-        return replace(self.parsing, occluded=self.hidden | self.parsing.occluded)
+    made = complete_photo(evidence, doors, models=models, seed=seed)
+    with time_stage(made.seconds, "encode"):
+        return replace(made, hierarchy=encode(made.image, made.elements))
 
 
 def observe_photo(
-    image: UInt8Array,
-    hidden: BoolArray,
-    masks: PhotoMasks,
-    *,
-    models: TrainedModelFiles = SHIPPED_MODELS,
-    seconds: dict[str, float] | None = None,
-) -> ObservedPhoto:
-    """Parse a photo and find its occluders and visible elements; parameters as in `build_facade_from_photo`.
+    evidence: Evidence, *, models: TrainedModelFiles = SHIPPED_MODELS, seconds: dict[str, float] | None = None
+) -> Evidence:
+    """Parse a picture and find its occluders, which it then hides, and visible elements.
 
     Parameters
     ----------
@@ -184,100 +88,115 @@ def observe_photo(
         If less than MIN_VISIBLE_SHARE of the facade is visible.
     """
     timings: dict[str, float] = {} if seconds is None else seconds
+    hidden = evidence.hidden
     _require_visible(hidden, "of it")
     with time_stage(timings, "parse"):
-        alpha = np.where(hidden, 0, 255).astype(np.uint8)
-        parsing = parse(np.dstack([image, alpha]), model=models.parser)
-        occluded = np.zeros_like(hidden) if masks.is_clean else remove_occluders_lining_hole(parsing.occluded, hidden)
-        if masks.facade is not None:
-            occluded &= ~masks.facade
+        segmentation = evidence.segmentation
+        if segmentation is None:
+            segmentation = segment_picture(evidence.image, hidden, model=models.parser)
+        parsing = parse_segmentation(segmentation, hidden)
+        occluded = (
+            np.zeros_like(hidden) if evidence.is_clean else remove_occluders_lining_hole(parsing.occluded, hidden)
+        )
+        if evidence.facade is not None:
+            occluded &= ~evidence.facade
         occluders, masked = clean_occluder_mask(occluded)
-        if masks.private is not None:
-            occluders |= masks.private
+        if evidence.private is not None:
+            occluders |= evidence.private
         masked_share = float((occluders & ~hidden).mean())
         hidden = hidden | occluders
-        if masks.outside is not None:
-            hidden |= dilate(masks.outside, OCCLUDER_RIM_SHARE)
+        if evidence.outside is not None:
+            hidden |= dilate(evidence.outside, OCCLUDER_RIM_SHARE)
     _require_visible(hidden, "beside sky, trees, cars and the like")
     with time_stage(timings, "elements"):
-        observed = [e for e in elements(parsing) if box_coverage(hidden, e) <= MAX_HIDDEN_SHARE]
-    return ObservedPhoto(parsing, hidden, masked, masked_share, observed)
+        observed = tuple(e for e in elements(parsing) if box_coverage(hidden, e) <= MAX_HIDDEN_SHARE)
+    return replace(
+        evidence,
+        hidden=hidden,
+        masked=evidence.masked + masked,
+        masked_share=evidence.masked_share + masked_share,
+        parsed=parsing,
+        elements=observed,
+    )
 
 
-def complete_photo(
-    image: UInt8Array, hidden: BoolArray, masks: PhotoMasks, doors: MappedDoors, *, models: TrainedModelFiles, seed: int
-) -> CompletedPhoto:
-    """Parse and complete a photo; parameters as in `build_facade_from_photo`."""
+def complete_photo(evidence: Evidence, doors: MappedDoors, *, models: TrainedModelFiles, seed: int) -> Facade:
+    """Parse and complete a picture, without variations; parameters as in `build_facade_from_photo`."""
     seconds: dict[str, float] = {}
-    photo = observe_photo(image, hidden, masks, models=models, seconds=seconds)
-    return complete_observed_photo(image, photo, doors, facade=masks.facade, models=models, seed=seed, seconds=seconds)
+    observed = observe_photo(evidence, models=models, seconds=seconds)
+    return complete_observed_photo(observed, doors, models=models, seed=seed, seconds=seconds)
 
 
 def complete_observed_photo(
-    image: UInt8Array,
-    photo: ObservedPhoto,
-    doors: MappedDoors,
-    *,
-    facade: BoolArray | None = None,
-    models: TrainedModelFiles,
-    seed: int,
-    seconds: dict[str, float],
-) -> CompletedPhoto:
-    """Complete a parsed photo; other parameters as in `build_facade_from_photo`.
+    photo: Evidence, doors: MappedDoors, *, models: TrainedModelFiles, seed: int, seconds: dict[str, float]
+) -> Facade:
+    """Complete an observed picture, without variations; other parameters as in `build_facade_from_photo`.
 
     Parameters
     ----------
-    photo : the parsed photo.
-    facade : (h, w) bool pixels known to show the facade; None if unknown.
+    photo : the observed picture.
     seconds : receives the seconds of each step.
     """
-    parsing, hidden, observed = photo.parsing, photo.hidden, photo.observed
-    completion, result_parsing, result, layout = None, parsing, image, observed
+    image, hidden, parsing = photo.image, photo.hidden, photo.parsing
+    completion, layout = None, list(photo.elements)
     foot = find_hidden_foot(image, hidden, parsing.labels)
-    if foot is not None and facade is not None and facade[foot.top :].any():
+    if foot is not None and photo.facade is not None and photo.facade[foot.top :].any():
         foot = None  # somebody says that it shows the facade
     if hidden.any():
-        height, width = hidden.shape
         with time_stage(seconds, "complete"):
-            if observed:
-                completion = complete(
-                    observed,
-                    (0, 0, width, height),
-                    photo.visible_boxes(),
-                    seed=seed,
-                    evidence=photo.evidence(),
-                    entrances=[share * width for share in doors.entrances],
-                    front=doors.front,
-                    model=None if models.layout is None else layouts.load_cached_model(models.layout),
-                )[0]
-                layout = list(completion.elements)
+            completion = _complete_layout(photo, doors, models, seed)
+            layout = layout if completion is None else list(completion.elements)
         with time_stage(seconds, "inpaint"):
             missing, labels = hidden, parsing.labels
             if foot is not None:
-                result, missing, labels = repeat_storeys(image, hidden, labels, foot)
+                image, missing, labels = repeat_storeys(image, hidden, labels, foot)
                 layout = [element for element in layout if element.y0 < foot.top]
-            result, changed = _inpaint_over_rim(result, missing, labels, layout)
+            image, changed = _inpaint_over_rim(image, missing, labels, layout)
+            height = len(hidden)
             hidden = hidden | changed | (np.arange(height)[:, None] >= (height if foot is None else foot.top))
         # Labels and elements come from the completed picture, which may differ from the planned layout.
         with time_stage(seconds, "parse"):
-            result_parsing = parse(result, model=models.parser)
+            parsing = parse(image, model=models.parser)
         with time_stage(seconds, "elements"):
-            layout = elements(replace(result_parsing, occluded=np.zeros_like(hidden)))
+            layout = elements(replace(parsing, occluded=np.zeros_like(hidden)))
     calibration = load_calibration(models.parser)
-    estimates = calibration.estimate(result_parsing, layout, hidden)
-    layout = calibrate_elements(layout, calibration, hidden)
-    return CompletedPhoto(
-        result,
-        result_parsing.labels,
-        hidden,
-        photo.masked,
-        photo.masked_share,
-        tuple(layout),
-        completion,
-        estimates,
-        0.0 if foot is None else 1 - foot.top / len(hidden),
-        seconds,
+    estimates = calibration.estimate(parsing, layout, hidden)
+    with time_stage(seconds, "lattice"):
+        split = lattice(parsing.labels)
+    return Facade(
+        evidence=photo.image,
+        image=image,
+        labels=parsing.labels,
+        occluded=hidden,
+        provenance=np.where(hidden, Provenance.INPAINTED, Provenance.PHOTO).astype(np.uint8),
+        masked=photo.masked,
+        masked_share=photo.masked_share,
+        lattice=split,
+        elements=tuple(calibrate_elements(layout, calibration, hidden)),
+        hierarchy=None,
+        completion=completion,
+        estimates=estimates,
+        repeated_foot_share=0.0 if foot is None else 1 - foot.top / len(hidden),
+        floors=int(estimates.value.floors),
+        seconds=seconds,
     )
+
+
+def _complete_layout(photo: Evidence, doors: MappedDoors, models: TrainedModelFiles, seed: int) -> Completion | None:
+    """Complete the elements of an observed picture; None where it shows none."""
+    if not photo.elements:
+        return None
+    height, width = photo.hidden.shape
+    return complete(
+        photo.elements,
+        (0, 0, width, height),
+        photo.visible_boxes(),
+        seed=seed,
+        evidence=photo.occluded_parsing(),
+        entrances=[share * width for share in doors.entrances],
+        front=doors.front,
+        model=None if models.layout is None else layouts.load_cached_model(models.layout),
+    )[0]
 
 
 def _inpaint_over_rim(

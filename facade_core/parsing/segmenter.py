@@ -13,7 +13,7 @@ from facade_core.core.arrays import BoolArray, Float32Array, Int32Array, Int64Ar
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import CLASSES, FacadeClass
 from facade_core.core.model_file import file_stamps
-from facade_core.core.types import Parsing
+from facade_core.core.types import Box, Parsing
 from facade_core.parsing.network import SHIPPED_NETWORK, load_network
 from facade_core.parsing.regularity import draw_windows_into_labels, extract_regular_window_boxes
 from facade_core.parsing.segmentation import Segmentation
@@ -42,6 +42,13 @@ _OUTSIDE_THRESHOLD = 0.5
 _MIN_DRAWING_SCALE = 0.5
 # Rows of the full image written at once, which bounds memory beyond the result.
 _BAND_ROWS = 128
+
+
+# Area of a crop of a segmentation, in pixels: that at which the regularity of windows is tuned.
+_CROP_AREA = (150_000, 250_000)
+
+# Rows and columns.
+_Places = tuple[Int32Array, Int32Array]
 
 
 class Segmenter(Protocol):
@@ -103,20 +110,36 @@ def parse_with_segmenter(image: UInt8Array, segmenter: Segmenter, *, regularise:
     regularise : False keeps the windows of the segmenter, to measure the effect of regularity.
     """
     check_image(image)
-    height, width = image.shape[:2]
-    occluded = _hidden_by_alpha(image)
-    working, nearest = _to_working_size(image[..., :3], occluded, segmenter.working_area)
-    confidence, occluder, _ = segmenter.segment(working)
+    hidden = _hidden_by_alpha(image)
+    working, nearest = _to_working_size(image[..., :3], hidden, segmenter.working_area)
+    return _parse(segmenter.segment(working), hidden, nearest, regularise)
+
+
+def parse_segmentation(segmentation: Segmentation, hidden: BoolArray) -> Parsing:
+    """Parse a picture that is segmented already, as `parse` does.
+
+    Parameters
+    ----------
+    segmentation : segmentation of the picture at any size.
+    hidden : (H, W) bool, not all pixels.
+    """
+    return _parse(segmentation, hidden, _nearest_visible(hidden, segmentation.occluder.shape), True)
+
+
+def _parse(segmentation: Segmentation, hidden: BoolArray, nearest: _Places | None, regularise: bool) -> Parsing:
+    """Parse a segmented picture; `nearest`: where hidden places take their confidence from."""
+    (height, width), (confidence, occluder, _) = hidden.shape, segmentation
     windows = extract_regular_window_boxes(confidence) if regularise else np.zeros((0, 4), np.intp)
     scale = np.array([width / confidence.shape[1], height / confidence.shape[0]])
     if coarse := scale.min() < _MIN_DRAWING_SCALE:
+        confidence = confidence.copy()
         draw_windows_into_labels(confidence.argmax(2).astype(np.uint8), confidence, windows)
     if nearest is not None:
         confidence, occluder = confidence[nearest], occluder[nearest]
     labels, confidence = _to_full_size(confidence, height, width)
     if not coarse:  # enlarged with the rest, windows would have round corners
         draw_windows_into_labels(labels, confidence, np.rint(windows * np.tile(scale, 2)).astype(np.intp))
-    return Parsing(labels, confidence, occluded | _enlarge(_occluder_regions(occluder), height, width))
+    return Parsing(labels, confidence, hidden | _enlarge(_occluder_regions(occluder), height, width))
 
 
 def _occluder_regions(probability: Float32Array) -> BoolArray:
@@ -155,23 +178,59 @@ def facade_surroundings_mask(image: UInt8Array, hidden: BoolArray, *, model: str
 
 
 def segment_surroundings(image: UInt8Array, hidden: BoolArray, *, model: str | Path | None = None) -> Surroundings:
-    """Segment a picture into facade and surroundings.
+    """Segment a picture into facade and surroundings; parameters as in `segment_picture`."""
+    return classify_surroundings(segment_picture(image, hidden, model=model), hidden)
+
+
+def segment_picture(image: UInt8Array, hidden: BoolArray, *, model: str | Path | None = None) -> Segmentation:
+    """Segment a picture at the working size of the segmenter.
 
     Parameters
     ----------
     image : (H, W, 3) uint8 RGB.
-    hidden : (H, W) bool, not all pixels; hidden pixels take the result of the nearest visible one.
+    hidden : (H, W) bool, not all pixels; hidden pixels are filled from the nearest visible one.
     model : as in `parse`, with its time and errors.
     """
     check_image(image)
     segmenter = load_segmenter(model)
-    working, nearest = _to_working_size(image, hidden, segmenter.working_area)
-    segmentation = segmenter.segment(working)
+    return segmenter.segment(_to_working_size(image, hidden, segmenter.working_area)[0])
+
+
+def classify_surroundings(segmentation: Segmentation, hidden: BoolArray) -> Surroundings:
+    """Classify the pixels of a segmented picture as facade and surroundings.
+
+    Parameters
+    ----------
+    segmentation : segmentation of the picture at any size.
+    hidden : (H, W) bool, not all pixels; hidden pixels take the result of the nearest visible one.
+    """
     labels = segmentation.confidence.argmax(2).astype(np.uint8)
     outside = (segmentation.outside >= _OUTSIDE_THRESHOLD) | (labels == FacadeClass.SKY)
+    nearest = _nearest_visible(hidden, labels.shape)
     if nearest is not None:
         outside, labels = outside[nearest], labels[nearest]
     return Surroundings(_enlarge(outside, *hidden.shape), _enlarge_labels(labels, *hidden.shape))
+
+
+def crop_segmentation(segmentation: Segmentation, box: Box, size: tuple[int, int]) -> Segmentation:
+    """Crop the segmentation of a picture to a box, at the working size of what is in it: interpolated linearly.
+
+    Parameters
+    ----------
+    segmentation : segmentation of the whole picture at any size.
+    box : x0, y0, x1, y1 in pixels of the picture, half-open.
+    size : height and width of the picture.
+    """
+    import cv2
+
+    x0, y0, x1, y1 = box
+    rows, columns = _working_size((y1 - y0, x1 - x0), _CROP_AREA)
+    down, across = (own / whole for own, whole in zip(segmentation.occluder.shape, size, strict=True))
+    x = (x0 + (np.arange(columns) + 0.5) * (x1 - x0) / columns) * across - 0.5
+    y = (y0 + (np.arange(rows) + 0.5) * (y1 - y0) / rows) * down - 0.5
+    x_map, y_map = np.meshgrid(x.astype(np.float32), y.astype(np.float32))
+    parts = (cv2.remap(one, x_map, y_map, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) for one in segmentation)
+    return Segmentation(*(np.asarray(part, np.float32) for part in parts))
 
 
 def _hidden_by_alpha(image: UInt8Array) -> BoolArray:
@@ -182,24 +241,44 @@ def _hidden_by_alpha(image: UInt8Array) -> BoolArray:
 
 
 def _to_working_size(
-    image: UInt8Array, occluded: BoolArray, area_bounds: tuple[int, int]
-) -> tuple[UInt8Array, tuple[Int32Array, Int32Array] | None]:
+    image: UInt8Array, hidden: BoolArray, area_bounds: tuple[int, int]
+) -> tuple[UInt8Array, _Places | None]:
     """Image at working size with hidden places filled from the nearest visible ones, and the source of each."""
     import cv2
 
-    height, width = occluded.shape
+    size = _working_size(hidden.shape, area_bounds)
+    working = np.asarray(
+        cv2.resize(np.ascontiguousarray(image), size[::-1], interpolation=_scaling_mode(hidden.shape, size)), np.uint8
+    )
+    nearest = _nearest_visible(hidden, size)
+    return (working if nearest is None else working[nearest]), nearest
+
+
+def _working_size(shape: tuple[int, ...], area_bounds: tuple[int, int]) -> tuple[int, int]:
+    """Height and width of a picture (h, w) at working size."""
+    height, width = shape
     area = height * width
     scale = math.sqrt(min(max(area, area_bounds[0]), area_bounds[1]) / area)
     scale = min(scale, _MAX_ENLARGEMENT, _MAX_WORKING_SIDE / max(height, width))
-    size = (max(1, round(width * scale)), max(1, round(height * scale)))
-    mode = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
-    working = np.asarray(cv2.resize(np.ascontiguousarray(image), size, interpolation=mode), np.uint8)
-    if not occluded.any():
-        return working, None
-    hidden = cv2.resize(occluded.astype(np.float32), size, interpolation=mode)
+    return max(1, round(height * scale)), max(1, round(width * scale))
+
+
+def _scaling_mode(shape: tuple[int, ...], size: tuple[int, ...]) -> int:
+    import cv2
+
+    return cv2.INTER_AREA if size[0] * size[1] < shape[0] * shape[1] else cv2.INTER_LINEAR
+
+
+def _nearest_visible(hidden: BoolArray, size: tuple[int, ...]) -> _Places | None:
+    """Rows and columns, at a size, of the visible place nearest to each one; None where nothing is hidden."""
+    import cv2
+
+    if not hidden.any():
+        return None
+    share = cv2.resize(hidden.astype(np.float32), size[::-1], interpolation=_scaling_mode(hidden.shape, size))
     # Working pixels with a share of hidden ones contain their colour: only the purest count as visible.
-    rows, columns = ndimage.distance_transform_edt(hidden > hidden.min(), return_distances=False, return_indices=True)
-    return working[rows, columns], (rows, columns)
+    rows, columns = ndimage.distance_transform_edt(share > share.min(), return_distances=False, return_indices=True)
+    return rows, columns
 
 
 def _to_full_size(confidence: Float32Array, height: int, width: int) -> tuple[UInt8Array, Float32Array]:

@@ -12,7 +12,6 @@ import numpy as np
 
 from catalogs.published.folders import write_atomically
 from catalogs.readers.pictures.embedded_poses import read_panorama_view
-from catalogs.readers.settings import PICTURES
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import FacadeError
 from facade_core.core.name_hash import hash_name
@@ -28,7 +27,7 @@ from facade_core.imagery.rectify.panorama_views import cut_panorama_views
 from facade_core.plan.exemplar_style import style_descriptor
 from tasks.engine.outcome import error_reason, is_machine_fault
 from tasks.harvest.record import CANDIDATES_FOLDER, CandidateRecord, PictureRecord, write_picture_record
-from tasks.stages.shared.images import read_bounded_picture, read_exposure_value, read_focal_length_px
+from tasks.stages.shared.images import read_photo
 
 # Density at which styles are compared, pixels per metre: that of textures.
 STYLE_PIXELS_PER_METRE = 20.0
@@ -87,20 +86,14 @@ def harvest_picture(path: Path, name: str, digest: str, key: str, out: Path) -> 
 
 def _read_views(path: Path, name: str) -> Iterator[PhotoView]:
     """Read a picture as the photos that it consists of: a panorama is cut to views."""
-    picture = read_bounded_picture(path, least=PICTURES.min_side_px)
+    picture = read_photo(path)
     part = read_panorama_view(path)
     if part is not None and _is_panorama(picture.rgb, part):
         for view in cut_panorama_views(picture.rgb, part):
             yield PhotoView(f"{name}-{view.heading:03.0f}", view.image, view.focal)
         return
     alpha = np.where(picture.hidden, 0, 255).astype(np.uint8)
-    focal = read_focal_length_px(path)
-    yield PhotoView(
-        name,
-        np.dstack([picture.rgb, alpha]),
-        None if focal is None else focal * picture.scale,
-        read_exposure_value(path),
-    )
+    yield PhotoView(name, np.dstack([picture.rgb, alpha]), picture.state.focal_px, picture.state.exposure)
 
 
 def _is_panorama(image: UInt8Array, part: tuple[float, float, float, float]) -> bool:

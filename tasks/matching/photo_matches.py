@@ -28,6 +28,7 @@ from tasks.matching.match_table import COLUMNS, FacadeCandidate, MatchTable, for
 from tasks.matching.settings import MATCHING
 from tasks.stages.facades.photos import rectify_photo
 from tasks.stages.ingest.planning import make_plan
+from tasks.stages.shared.images import read_photo
 
 # Fault of a photo without a place.
 MISSING_PLACE = "no place"
@@ -130,7 +131,8 @@ def _match_photo(
     if isinstance(place, str):
         raise InputError(place)
     pose = project_pose(place, FULL_PANORAMA, block.crs, {})
-    photo, size = rectify_photo(path)
+    picture = read_photo(path)
+    photo, size = rectify_photo(picture, path.name), picture.hidden.shape
     taken = estimate_orientation(photo.image, photo.seen, photo.homography, photo.focal, size)
     (level,) = terrain.interpolate(np.array([[pose.x, pose.y]]))
     walls = plan.facades.chart

@@ -17,6 +17,7 @@ import numpy as np
 
 from catalogs.features import Fault
 from catalogs.reader_errors import is_system_error
+from catalogs.readers.pictures.capture_dates import exif_focal_length_px
 from catalogs.readers.pictures.decoding import open_picture
 from facade_core.core.arrays import Float64Array, Int32Array, UInt8Array
 from facade_core.core.errors import InputError
@@ -26,7 +27,6 @@ from tasks.engine.compute.child_processes import end_with_parent
 from tasks.engine.outcome import error_reason
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.matching.settings import MATCHING
-from tasks.stages.shared.images import read_focal_length_px
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -141,10 +141,10 @@ def _copy_photos(photos: Sequence[Path], folder: Path) -> tuple[list[_SmallCopy]
 def _copy_photo(path: Path, folder: Path, name: str) -> _SmallCopy:
     with open_picture(path) as image:
         stored, (orientation, maker) = image.size, _read_camera_tags(image)
+        focal = exif_focal_length_px(image)
         share = min(1.0, MATCHING.max_side_px / max(stored))
         size = (max(1, round(stored[0] * share)), max(1, round(stored[1] * share)))
         _shrink(image, "L", size).save(folder / name, compress_level=1)
-    focal = read_focal_length_px(path)
     focal = None if focal is None else focal * share
     return _SmallCopy(path, name, size, orientation if 1 <= orientation <= 8 else 1, (size, focal, *maker), focal)
 

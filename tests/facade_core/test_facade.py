@@ -15,9 +15,10 @@ from facade_core.core.errors import ImageError
 from facade_core.core.labels import FacadeClass
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Element, Parsing
+from facade_core.facade.evidence import Evidence
 from facade_core.facade.exemplar import count_columns, prepare_exemplar
 from facade_core.facade.exemplar_facade import BuildingPaint, ScaledStyle, build_facade_from_exemplar
-from facade_core.facade.photo_facade import PhotoMasks, build_facade_from_photo
+from facade_core.facade.photo_facade import build_facade_from_photo
 from facade_core.facade.texture.building_walls import compose_wall
 from facade_core.facade.texture.retargeting import analyse_exemplar
 from facade_core.facade.texture.wall_floors import FacadeWall
@@ -28,7 +29,7 @@ PAINTED = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pix
 
 
 def test_a_photo_is_kept_where_seen_and_completed_where_hidden() -> None:
-    made = build_facade_from_photo(PAINTED.image, PAINTED.occluded, seed=1)
+    made = build_facade_from_photo(Evidence(image=PAINTED.image, hidden=PAINTED.occluded), seed=1)
     seen = ~made.occluded
     assert not seen[PAINTED.occluded].any()
     assert made.occluded.mean() < PAINTED.occluded.mean() + 0.05, (
@@ -53,7 +54,7 @@ def test_a_photo_is_kept_where_seen_and_completed_where_hidden() -> None:
 @pytest.mark.parametrize(("style", "seed"), [("jugend", 5), ("haussmann", 7)])
 def test_labels_and_elements_of_what_is_completed_are_those_of_its_picture(style: str, seed: int) -> None:
     painted = paint((13.0, 14.0), floors=4, columns=4, style=style, metres_per_pixel=0.06, seed=seed, occluders=2)
-    made = build_facade_from_photo(painted.image, painted.occluded, masks=PhotoMasks(is_clean=True), seed=1)
+    made = build_facade_from_photo(Evidence(image=painted.image, hidden=painted.occluded, is_clean=True), seed=1)
     hidden = painted.occluded
     assert (made.labels[hidden] == painted.labels[hidden]).mean() > 0.86
     windows = [e for e in made.elements if e.label == "window"]
@@ -65,7 +66,9 @@ def test_labels_and_elements_of_what_is_completed_are_those_of_its_picture(style
 
 @pytest.mark.long
 def test_the_same_photo_and_seed_make_the_same_bits() -> None:
-    one, two = (build_facade_from_photo(PAINTED.image, PAINTED.occluded, seed=5) for _ in range(2))
+    one, two = (
+        build_facade_from_photo(Evidence(image=PAINTED.image, hidden=PAINTED.occluded), seed=5) for _ in range(2)
+    )
     np.testing.assert_array_equal(one.image, two.image)
     assert one.hierarchy.to_bytes() == two.hierarchy.to_bytes()
 
@@ -73,10 +76,10 @@ def test_the_same_photo_and_seed_make_the_same_bits() -> None:
 def test_a_photo_of_which_nothing_is_seen_is_refused() -> None:
     hidden = np.ones_like(PAINTED.occluded)
     with pytest.raises(ImageError, match=r"only 0\.0% of the facade is seen of it"):
-        build_facade_from_photo(PAINTED.image, hidden)
+        build_facade_from_photo(Evidence(image=PAINTED.image, hidden=hidden))
     hidden[100, 100] = False
     with pytest.raises(ImageError, match="5% are the least"):
-        build_facade_from_photo(PAINTED.image, hidden)
+        build_facade_from_photo(Evidence(image=PAINTED.image, hidden=hidden))
 
 
 def test_an_exemplar_without_windows_is_refused() -> None:
@@ -88,10 +91,9 @@ def test_an_exemplar_without_windows_is_refused() -> None:
 
 def test_nothing_is_made_of_an_exemplar_that_nobody_keeps(monkeypatch: pytest.MonkeyPatch) -> None:
     def never(*_: Any, **__: Any) -> None:
-        raise AssertionError("neither its lattice nor its variations are kept")
+        raise AssertionError("its variations are not kept")
 
     monkeypatch.setattr("facade_core.facade.photo_facade.encode", never)
-    monkeypatch.setattr("facade_core.facade.photo_facade.lattice", never)
     prepared = prepare_exemplar(PAINTED.image, PAINTED.occluded, floor_height=3.2)
     assert set(prepared.seconds) >= {"parse", "elements", "complete", "inpaint", "scale"}
 
@@ -110,7 +112,7 @@ def test_a_coarse_exemplar_is_enlarged_smoothly() -> None:
 
 def test_a_photo_without_holes_needs_no_completion() -> None:
     clean = paint((13.0, 14.0), floors=4, columns=4, style="jugend", metres_per_pixel=0.06, seed=3)
-    made = build_facade_from_photo(clean.image, np.zeros(clean.labels.shape, bool))
+    made = build_facade_from_photo(Evidence(image=clean.image, hidden=np.zeros(clean.labels.shape, bool)))
     assert made.completion is None
     np.testing.assert_array_equal(made.image, clean.image)
 
@@ -222,7 +224,7 @@ def test_what_the_parser_sees_in_front_is_made_anew(monkeypatch: pytest.MonkeyPa
         return Parsing(found.labels, found.confidence, found.occluded | thing)
 
     monkeypatch.setattr(facade_core.facade.photo_facade, "parse", sees_a_thing)
-    made = build_facade_from_photo(clean.image, np.zeros(clean.labels.shape, bool))
+    made = build_facade_from_photo(Evidence(image=clean.image, hidden=np.zeros(clean.labels.shape, bool)))
     assert made.masked == ((40, 150, 90, 200),)
     assert made.occluded[149:201, 39:91].all()
     assert not made.occluded[:100].any()

@@ -28,7 +28,6 @@ from tasks.stages.facades.photos import read_facade_photo
 from tasks.stages.shared.images import (
     MAX_EXEMPLAR_SIDE,
     read_exemplar_picture,
-    read_focal_length_px,
     read_image_and_mask,
 )
 from tasks.stages.shared.images import MAX_PIXELS as KEPT
@@ -363,9 +362,9 @@ def test_exif_that_lies_is_no_focal_length(tmp_path: Path) -> None:
         exif = Image.Exif()
         exif.get_ifd(0x8769)[0xA405] = told
         path = saved(tmp_path, "a.jpg", Image.fromarray(RGB), exif=exif)
-        assert read_focal_length_px(path) is None or told
+        assert read_picture(path).state.focal_px is None or told
     path.write_bytes(path.read_bytes().replace(b"Exif\0\0", b"Exif\0\0\xff\xff", 1))
-    assert read_focal_length_px(path) is None
+    assert read_picture(path).state.focal_px is None
 
 
 SEEDS = {
@@ -413,7 +412,6 @@ def test_changed_bytes_of_a_picture_are_read_or_refused(seed: str, tmp_path: Pat
         for read in (
             lambda: list_images(tmp_path, "exemplar"),
             lambda: read_picture(path, max_side=32),
-            lambda: read_focal_length_px(path),
         ):
             try:
                 read()

@@ -16,11 +16,12 @@ from PIL import Image
 from catalogs.block.reader import TextureSettings
 from facade_core.core.errors import FacadeError, ImageError
 from facade_core.core.types import SHIPPED_MODELS, Pose
+from facade_core.facade.evidence import Evidence
 from facade_core.imagery.rectify.fusion import ChartView
 from tasks.engine.forecast import describe_rejected_inputs
 from tasks.stages.facades import evidence, exemplar_facades
 from tasks.stages.facades import worker as facade
-from tasks.stages.facades.evidence import FacadeEvidence, read_evidence
+from tasks.stages.facades.evidence import read_evidence
 from tasks.stages.facades.imagery import FacadeImagery
 from tasks.stages.shared.images import read_panorama, read_textures
 
@@ -55,7 +56,7 @@ def make(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, Any, str, 
     def maker(
         imagery: FacadeImagery, shown: dict[str, Any], walls: str = "exemplar"
     ) -> tuple[int, Any, str, list[Exception]]:
-        def evidence_of(source: str, *_: Any) -> FacadeEvidence | None:
+        def evidence_of(source: str, *_: Any) -> Evidence | None:
             if isinstance(shown[source], Exception):
                 raise shown[source]
             return shown[source]
@@ -78,7 +79,9 @@ def make(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, Any, str, 
 
 def test_the_next_source_is_taken(make: Callable[..., Any]) -> None:
     broken = ImageError("a-0.png: broken")
-    hidden = FacadeEvidence(np.zeros((*SIZE, 3), np.uint8), np.ones(SIZE, bool), np.zeros(SIZE), "p")
+    hidden = Evidence(
+        image=np.zeros((*SIZE, 3), np.uint8), hidden=np.ones(SIZE, bool), confidence=np.zeros(SIZE), source="p"
+    )
     both = FacadeImagery(photo=Path("a-0.png"), panoramas=PANORAMAS, exemplar=(0, "brick"))
     depth, made, source, refused = make(both, {"photo": broken, "panoramas": hidden})
     assert (depth, made, source) == (2, "made", "brick")

@@ -11,13 +11,14 @@ import os
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from catalogs.reader_errors import is_system_error, short_message
+from catalogs.readers.pictures.capture_dates import CaptureState, exif_capture_state
 from catalogs.readers.pictures.colour_profiles import ColourProfile, find_profile, profile_to_srgb
 from catalogs.readers.pictures.high_depth import is_high_bit_depth, read_high_bit_depth
 from catalogs.readers.pictures.picture_kinds import HEIF_REMEDY, can_read_heif, is_heif
@@ -45,11 +46,13 @@ class Picture:
     rgb : (h, w, 3).
     hidden : (h, w) True where alpha is below one half or a value is unknown.
     scale : pixels per pixel of the file.
+    state : how it was taken; the focal length in its own pixels.
     """
 
     rgb: UInt8Array
     hidden: BoolArray
     scale: float = 1.0
+    state: CaptureState = field(default_factory=CaptureState)
 
 
 def read_picture(
@@ -84,7 +87,7 @@ def read_picture(
                 f"{path.name} is {width} x {height} pixels{small}, and {min_side} a side are the least; give a larger picture"
             )
         deep = is_high_bit_depth(image)
-        turned = _exif_orientation(image)  # decodes a PNG
+        turned, state = _exif_orientation(image), exif_capture_state(image)  # decodes a PNG
         if deep:
             if image.format == "TIFF" and turned >= 5:
                 size = size[::-1]  # read_high_depth returns stored values
@@ -101,7 +104,9 @@ def read_picture(
 
             rgb = np.asarray(cv2.resize(rgb, size[::-1], interpolation=cv2.INTER_AREA), np.uint8)
             hidden = cv2.resize(hidden.astype(np.uint8), size[::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
-    return Picture(_rotate_upright(rgb, turned), _rotate_upright(hidden, turned), scale)
+    if state.focal_px is not None:
+        state = state._replace(focal_px=state.focal_px * scale)
+    return Picture(_rotate_upright(rgb, turned), _rotate_upright(hidden, turned), scale, state)
 
 
 @contextmanager

@@ -11,7 +11,13 @@ from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.imagery.rectify.crop import FacadeCrop, crop_to_box, find_facade_box
 from facade_core.imagery.rectify.neighbours import choose_sides, measure_gaps
 from facade_core.imagery.rectify.photo_state import check_photo_state
-from facade_core.parsing.segmenter import Surroundings, segment_surroundings
+from facade_core.parsing.segmenter import (
+    Surroundings,
+    classify_surroundings,
+    crop_segmentation,
+    segment_picture,
+    segment_surroundings,
+)
 
 
 def crop_to_facade(image: UInt8Array, hidden: BoolArray, *, model: Path | None = None) -> FacadeCrop:
@@ -48,9 +54,11 @@ def crop_to_building(
     """
     if hidden.all():
         return crop_to_box(image, hidden, np.zeros_like(hidden), None)
-    seen = segment_surroundings(image, hidden, model=model)
-    check_photo_state(image, hidden, seen, model=model)
-    return _crop_to_sides(image, hidden, seen, centre, aspect)
+    segmentation = segment_picture(image, hidden, model=model)
+    seen = classify_surroundings(segmentation, hidden)
+    check_photo_state(image, hidden, seen)
+    cut = _crop_to_sides(image, hidden, seen, centre, aspect)
+    return replace(cut, segmentation=crop_segmentation(segmentation, cut.box, hidden.shape))
 
 
 def _crop_to_sides(

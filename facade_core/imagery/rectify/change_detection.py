@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from facade_core.core.arrays import AnyArray, BoolArray, Float32Array
+from facade_core.core.arrays import AnyArray, BoolArray, Float32Array, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.imagery.rectify.fusion import ChartView
 
@@ -79,6 +80,25 @@ class ChangeMap:
             "".join(str(tenth) if shown >= 0.5 else "-" for tenth, shown in zip(row, seen, strict=True))
             for row, seen in zip(tenths.tolist(), both.tolist(), strict=True)
         )
+
+
+class ChangeSinceCapture(NamedTuple):
+    """Change of a facade since an earlier capture.
+
+    Attributes
+    ----------
+    changed : changed share of the part that both captures show; None if that is too small.
+    compared : share of the facade that both show.
+    day : day of the newest picture of the earlier capture.
+    cells : changed cells.
+    picture : small picture of the facade before, if enough changed.
+    """
+
+    changed: float | None
+    compared: float
+    day: str | None
+    cells: tuple[str, ...] = ()
+    picture: UInt8Array | None = None
 
 
 def detect_changes(newer: ChartView, older: ChartView, texels_per_metre: float) -> ChangeMap:

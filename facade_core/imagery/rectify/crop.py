@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float64Array, UInt8Array
 from facade_core.core.types import Box
+from facade_core.parsing.segmentation import Segmentation
 from facade_core.parsing.segmenter import facade_surroundings_mask
 
 # A facade that covers less of its picture is rejected: the picture stays whole.
@@ -62,6 +63,9 @@ class FacadeCrop:
     box : x0, y0, x1, y1 of the part in the picture, half-open.
     has_facade : False if no facade was found; the picture then stays whole.
     notes : what was left out, in words.
+    kept : share of the picture.
+    homography : (3, 3) from pixels of the photo to those of the picture.
+    segmentation : segmentation of the part, out of that of the picture; None of a picture that is all hidden.
     """
 
     image: UInt8Array
@@ -70,6 +74,16 @@ class FacadeCrop:
     box: Box
     has_facade: bool = True
     notes: tuple[str, ...] = ()
+    kept: float = 1.0
+    homography: Float64Array = field(default_factory=lambda: np.eye(3))
+    segmentation: Segmentation | None = None
+
+    @property
+    def corners(self) -> Float64Array:
+        """Return the corners (4, 2) in the photo, x and y in pixels, clockwise from the upper left."""
+        x0, y0, x1, y1 = self.box
+        corners = np.array([[x0, y0, 1], [x1, y0, 1], [x1, y1, 1], [x0, y1, 1]]) @ np.linalg.inv(self.homography).T
+        return np.asarray(corners[:, :2] / corners[:, 2:])
 
 
 def crop_to_box(image: UInt8Array, hidden: BoolArray, outside: BoolArray, box: Box | None) -> FacadeCrop:

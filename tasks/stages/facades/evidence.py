@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import lru_cache
 from itertools import compress
 from pathlib import Path
@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from facade_core.core.arrays import AnyArray, BoolArray, UInt8Array
+from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.resizing import resize_image
-from facade_core.core.types import Box, Pose
+from facade_core.core.types import Pose
+from facade_core.facade.evidence import Evidence
 from facade_core.imagery.cameras.camera_view import apply_exposure_factor
 from facade_core.imagery.detect.detection import FacesPlatesAndText, detect_on_panorama
-from facade_core.imagery.rectify.change_detection import detect_changes
+from facade_core.imagery.rectify.change_detection import ChangeSinceCapture, detect_changes
 from facade_core.imagery.rectify.colour_fringes import remove_colour_fringes
 from facade_core.imagery.rectify.crop import wall_surroundings_mask
 from facade_core.imagery.rectify.fusion import ChartView, as_chart_view, fuse_views
@@ -29,7 +30,7 @@ from facade_core.parsing.occluders import clean_occluder_mask
 from facade_core.parsing.segmenter import parse
 from facade_core.plan.plan import Plan
 from tasks.engine.outcome import collect_input_errors
-from tasks.stages.facades.photos import CroppedPhoto, PhotoCropQuality, read_facade_photo
+from tasks.stages.facades.photos import read_facade_photo, widen_holes
 from tasks.stages.shared.images import (
     capture_date,
     max_picture_pixels,
@@ -40,8 +41,6 @@ from tasks.stages.shared.images import (
 if TYPE_CHECKING:
     from tasks.stages.facades.imagery import FacadeImagery
 
-# Texels around a photo's holes that count as hidden.
-RIM_TEXELS = 2
 # How much pictures of the capture before count beside those of the newest: they are taken where these show nothing.
 EARLIER_QUALITY = 0.25
 # How it was before is kept, as a picture of at most so many texels to a side, of facades of which at least this share changed.
@@ -56,65 +55,6 @@ MIN_LARGE_SHOWN_SHARE = 0.2
 PARSED_VIEW_TEXELS, MAX_FINER = 500_000, 2.0
 
 
-@dataclass(frozen=True)
-class FacadeEvidence:
-    """Rectified image of a facade from pictures, with its masks and provenance.
-
-    Attributes
-    ----------
-    image : (h, w, 3) uint8.
-    hidden : (h, w) bool.
-    confidence : (h, w), 0 to 1: resolution of the picture relative to the raster, and its viewing angle.
-    source : names of the pictures.
-    masked : boxes of masked objects.
-    masked_share : share of the facade that they cover.
-    clean : whether there can be no further occluders.
-    outside : (h, w) bool, sky, street or neighbours; None without any.
-    captured : day of the newest picture, if known.
-    seen : faces, plates and text in texels that `hidden` lacks.
-    fit : fit of a photo to the wall; None of other pictures.
-    before : change since an earlier capture; None with one capture.
-    pictures : path and pose of panoramas.
-    picture : (h, w) int8 number of the panorama of each texel, -1 without; None of other pictures.
-    photo : facade of a photo in all its pixels; None of other pictures.
-    """
-
-    image: UInt8Array
-    hidden: BoolArray
-    confidence: AnyArray
-    source: str
-    masked: tuple[Box, ...] = ()
-    masked_share: float = 0.0
-    clean: bool = False
-    outside: BoolArray | None = None
-    captured: str | None = None
-    seen: FacesPlatesAndText = field(default_factory=FacesPlatesAndText)
-    fit: PhotoCropQuality | None = None
-    before: ChangeSinceCapture | None = None
-    pictures: tuple[tuple[Path, Pose], ...] = ()
-    picture: AnyArray | None = None
-    photo: CroppedPhoto | None = None
-
-
-class ChangeSinceCapture(NamedTuple):
-    """Change of a facade since an earlier capture.
-
-    Attributes
-    ----------
-    changed : changed share of the part that both captures show; None if that is too small.
-    compared : share of the facade that both show.
-    day : day of the newest picture of the earlier capture.
-    cells : changed cells.
-    picture : small picture of the facade before, if enough changed.
-    """
-
-    changed: float | None
-    compared: float
-    day: str | None
-    cells: tuple[str, ...] = ()
-    picture: UInt8Array | None = None
-
-
 def read_evidence(
     source: str,
     plan: Plan,
@@ -124,7 +64,7 @@ def read_evidence(
     textures: Sequence[Path],
     refused: list[Exception],
     parser: Path | None = None,
-) -> FacadeEvidence | None:
+) -> Evidence | None:
     """Read the image and masks of a facade from a source; None if it shows too little.
 
     Parameters
@@ -139,20 +79,7 @@ def read_evidence(
     ImageError : the only picture, a photo, cannot be used.
     """
     if source == "photo" and imagery.photo is not None:
-        photo = read_facade_photo(imagery.photo, imagery.rectified, size, parser)
-        hidden = _widen(photo.hidden)
-        return FacadeEvidence(
-            photo.image,
-            hidden,
-            ~hidden,
-            imagery.photo.name,
-            masked=photo.seen.private_boxes(size),
-            outside=photo.outside,
-            captured=capture_date(imagery.photo),
-            seen=photo.seen,
-            fit=photo.fit,
-            photo=photo.whole,
-        )
+        return read_facade_photo(imagery.photo, imagery.rectified, size, parser)
     if source == "panoramas":
         return _fuse_panoramas(plan, chart, size, imagery, refused, parser)
     images = read_textures(textures, plan.scene.mesh.texture[plan.scene.mesh.chart_triangles(chart)], refused)
@@ -160,7 +87,7 @@ def read_evidence(
     if not _shows_enough(plan, chart, covered, has_other=False):
         return None
     # what a model brings is its wall as its makers want it, and may be drawn: the parser is not asked for trees
-    return FacadeEvidence(image, ~covered, covered, "own texture", clean=True)
+    return Evidence(image=image, hidden=~covered, confidence=covered, source="own texture", is_clean=True)
 
 
 def _shows_enough(plan: Plan, chart: int, shown: BoolArray, *, has_other: bool) -> bool:
@@ -176,7 +103,7 @@ def _shows_enough(plan: Plan, chart: int, shown: BoolArray, *, has_other: bool) 
 
 def _fuse_panoramas(
     plan: Plan, chart: int, size: tuple[int, int], imagery: FacadeImagery, refused: list[Exception], parser: Path | None
-) -> FacadeEvidence | None:
+) -> Evidence | None:
     newest, earlier = (
         _dated_views(plan, chart, pictures, size, imagery, refused, parser)
         for pictures in (imagery.panoramas, imagery.earlier)
@@ -204,16 +131,16 @@ def _fuse_panoramas(
     if not _shows_enough(plan, chart, fused.seen & ~fused.occluded, has_other=imagery.textured):
         return None
     _, masked = clean_occluder_mask(fused.occluded)
-    hidden = _widen(~fused.seen) | fused.occluded
+    hidden = widen_holes(~fused.seen) | fused.occluded
     in_front = float(fused.occluded.mean())
     taken = [*newest, *(one for k, one in enumerate(earlier, len(newest)) if (fused.source == k).any())]
-    return FacadeEvidence(
-        fused.rgb,
-        hidden,
-        fused.confidence,
-        ", ".join(one.path.name for one in taken),
-        masked,
-        in_front,
+    return Evidence(
+        image=fused.rgb,
+        hidden=hidden,
+        confidence=fused.confidence,
+        source=", ".join(one.path.name for one in taken),
+        masked=masked,
+        masked_share=in_front,
         outside=wall_surroundings_mask(fused.rgb, hidden, model=parser),
         captured=_latest_day(newest),
         before=before,
@@ -344,10 +271,3 @@ def _read_without_fringes(path: Path, _size: int, _modified: int, max_pixels: in
 @lru_cache(maxsize=64)
 def _cached_detections(path: Path, _size: int, _modified: int, pose: Pose, max_pixels: int) -> FacesPlatesAndText:
     return detect_on_panorama(read_panorama(path, max_pixels), pose)
-
-
-def _widen(hidden: BoolArray) -> BoolArray:
-    """Widen a hole by its rim, where resampling mixes in the occluder."""
-    import cv2
-
-    return cv2.dilate(hidden.astype(np.uint8), np.ones((2 * RIM_TEXELS + 1, 2 * RIM_TEXELS + 1), np.uint8)).astype(bool)

@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
-from catalogs.readers.settings import PICTURES
-from facade_core.core.arrays import BoolArray, Float64Array, UInt8Array
+from catalogs.readers.pictures.decoding import Picture
+from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.resizing import resize_image
-from facade_core.imagery.detect.detection import FacesPlatesAndText, detect_faces_plates_text
+from facade_core.facade.evidence import Evidence
+from facade_core.imagery.detect.detection import detect_faces_plates_text
 from facade_core.imagery.detect.text import TextLine
 from facade_core.imagery.rectify.building_crop import crop_to_building
+from facade_core.imagery.rectify.crop import FacadeCrop
 from facade_core.imagery.rectify.level_lines import MAX_LEVEL_SLOPE_DEG, find_unrectified_slope, measure_level_slope
 from facade_core.imagery.rectify.no_data import no_data_mask
 from facade_core.imagery.rectify.photo import REMEDY, Rectified, rectify
 from facade_core.imagery.rectify.photo_state import check_daylight
-from tasks.stages.shared.images import read_bounded_picture, read_exposure_value, read_focal_length_px
+from tasks.stages.shared.images import read_photo
 
 # A photo whose facade is so many times too wide or too high for its wall shows another wall.
 MAX_STRETCH = 2.5
@@ -29,72 +31,13 @@ BLURRED = "it has less than half of its wall's texels, across or down, and is bl
 # Lines of text are legible from this score and number of letters on.
 LEGIBLE_SCORE = 0.85
 LEGIBLE_LETTERS = 4
+# Texels around a photo's holes that count as hidden.
+RIM_TEXELS = 2
 # Signs that only the mirror image of a mirrored photo has.
 MIN_MIRRORED_SIGNS = 2
 
 
-class PhotoCropQuality(NamedTuple):
-    """Fit of a photo to its wall.
-
-    Attributes
-    ----------
-    kept : share of the rectified picture that was cut out.
-    found : whether a facade was found.
-    stretched : how many times wider, for its height, the wall is than the cut.
-    notes : sentences on parts that were cut off, and on blur.
-    """
-
-    kept: float
-    found: bool
-    stretched: float
-    notes: tuple[str, ...] = ()
-
-
-class FacadePhoto(NamedTuple):
-    """A photo cropped to its facade.
-
-    Attributes
-    ----------
-    image : (h, w, 3) uint8.
-    hidden : (h, w) bool, not shown.
-    outside : (h, w) bool, shown beside the facade.
-    seen : faces, plates and text.
-    fit : fit to the wall.
-    whole : its facade, in all the pixels of the photo.
-    """
-
-    image: UInt8Array
-    hidden: BoolArray
-    outside: BoolArray
-    seen: FacesPlatesAndText
-    fit: PhotoCropQuality
-    whole: CroppedPhoto
-
-
-class CroppedPhoto(NamedTuple):
-    """Part of a photo that shows its facade, rectified.
-
-    Attributes
-    ----------
-    image : (h, w, 3) uint8.
-    hidden : (h, w) bool, not shown.
-    outside : (h, w) bool, shown beside the facade.
-    kept : share of the rectified picture.
-    has_facade : False if none was found; the picture then stays whole.
-    corners : (4, 2) of the part in the photo, x and y in pixels, clockwise from the upper left.
-    notes : what was left out, in words.
-    """
-
-    image: UInt8Array
-    hidden: BoolArray
-    outside: BoolArray
-    kept: float
-    has_facade: bool
-    corners: Float64Array
-    notes: tuple[str, ...] = ()
-
-
-def read_facade_photo(path: Path, rectified: bool, size: tuple[int, int], parser: Path | None = None) -> FacadePhoto:
+def read_facade_photo(path: Path, rectified: bool, size: tuple[int, int], parser: Path | None = None) -> Evidence:
     """Read a photo of a facade at the size of its wall: rectified if it is as taken, and cropped to the facade.
 
     Raises
@@ -103,7 +46,8 @@ def read_facade_photo(path: Path, rectified: bool, size: tuple[int, int], parser
     """
     import cv2
 
-    cut = crop_photo_to_wall(path, rectified, size[1] / size[0], parser)
+    picture = read_photo(path)
+    cut = crop_photo_to_wall(picture, path.name, rectified, size[1] / size[0], parser)
     across, down = size[1] / cut.image.shape[1], size[0] / cut.image.shape[0]
     hidden, outside = (
         cv2.resize(mask.astype(np.uint8), size[::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
@@ -112,53 +56,90 @@ def read_facade_photo(path: Path, rectified: bool, size: tuple[int, int], parser
     found = detect_faces_plates_text(cut.image)
     if is_mirrored(cut.image, found.lines):
         raise ImageError(f"{path.name}: it is mirrored: its signs read from right to left; flip it")
-    seen = found.rescale(across, down)
-    blurred = (BLURRED,) if max(across, down) > MAX_ENLARGEMENT else ()
-    fit = PhotoCropQuality(cut.kept, cut.has_facade, across / down, (*cut.notes, *blurred))
-    return FacadePhoto(resize_image(cut.image, size), hidden, outside, seen, fit, cut)
+    if max(across, down) > MAX_ENLARGEMENT:
+        cut = replace(cut, notes=(*cut.notes, BLURRED))
+    seen, hidden = found.rescale(across, down), widen_holes(hidden)
+    return Evidence(
+        image=resize_image(cut.image, size),
+        hidden=hidden,
+        outside=outside,
+        private=seen.private_mask(size),
+        confidence=~hidden,
+        segmentation=cut.segmentation,
+        masked=seen.private_boxes(size),
+        source=path.name,
+        captured=picture.state.day,
+        seen=seen,
+        photo=cut,
+    )
 
 
-def crop_photo_to_wall(path: Path, rectified: bool, aspect: float, parser: Path | None = None) -> CroppedPhoto:
-    """Crop a photo to the facade of its wall; parameters as of `crop_facade_photo`.
+def describe_crop(evidence: Evidence) -> dict[str, object]:
+    """Return the fields of a record on how a photo fits its wall; {} of other pictures."""
+    cut = evidence.photo
+    if cut is None:
+        return {}
+    across, down = (side / own for side, own in zip(evidence.hidden.shape[::-1], cut.hidden.shape[::-1], strict=True))
+    found = {"cut_kept": round(cut.kept, 4), "cut_found": cut.has_facade, "stretched": round(across / down, 3)}
+    return found | ({"cut_notes": list(cut.notes)} if cut.notes else {})
+
+
+def widen_holes(hidden: BoolArray) -> BoolArray:
+    """Widen the holes of a mask (h, w) by their rim, where resampling mixes in the occluder."""
+    import cv2
+
+    return cv2.dilate(hidden.astype(np.uint8), np.ones((2 * RIM_TEXELS + 1, 2 * RIM_TEXELS + 1), np.uint8)).astype(bool)
+
+
+def crop_photo_to_wall(
+    picture: Picture, name: str, rectified: bool, aspect: float, parser: Path | None = None
+) -> FacadeCrop:
+    """Crop a photo to the facade of its wall; parameters as of `crop_picture`.
 
     Raises
     ------
-    ImageError : it cannot be read or rectified, or does not show this wall.
+    ImageError : it cannot be rectified, or does not show this wall.
     """
-    cut = crop_facade_photo(path, rectified, aspect, parser)
+    cut = crop_picture(picture, name, rectified, aspect, parser)
     if not (rectified or cut.has_facade):
-        raise ImageError(f"{path.name}: no facade is found in it; {REMEDY}")
+        raise ImageError(f"{name}: no facade is found in it; {REMEDY}")
     facade = cut.image.shape[1] / cut.image.shape[0]
     if not rectified and not 1 / MAX_STRETCH <= aspect / facade <= MAX_STRETCH:
         raise ImageError(
-            f"{path.name}: its facade is {facade:.2g} times as wide as high, its wall {aspect:.2g}: "
+            f"{name}: its facade is {facade:.2g} times as wide as high, its wall {aspect:.2g}: "
             "it shows another one; give a photo of this wall"
         )
     return cut
 
 
-def crop_facade_photo(
-    path: Path, rectified: bool, aspect: float | None = None, parser: Path | None = None
-) -> CroppedPhoto:
-    """Read a photo, rectify it if it is as taken, and crop it to the facade that it was taken for.
+def crop_facade_photo(path: Path, rectified: bool) -> FacadeCrop:
+    """Read a photo and crop it to the facade that it was taken for; parameters and errors as of `crop_picture`."""
+    return crop_picture(read_photo(path), path.name, rectified)
+
+
+def crop_picture(
+    picture: Picture, name: str, rectified: bool, aspect: float | None = None, parser: Path | None = None
+) -> FacadeCrop:
+    """Rectify a photo if it is as taken, and crop it to the facade that it was taken for.
 
     Parameters
     ----------
+    picture : the photo.
+    name : its name in errors.
+    rectified : whether it is rectified.
     aspect : width over height of the wall; None if unknown.
     parser : model file in place of the shipped one.
 
     Raises
     ------
-    ImageError : it cannot be read or rectified, is upside down, was taken at night, or shows no one facade.
+    ImageError : it cannot be rectified, is upside down, was taken at night, or shows no one facade.
     """
-    notes = []
+    notes, shape = [], picture.hidden.shape
     if rectified:
-        picture = read_bounded_picture(path, least=PICTURES.min_side_px)
         image, hidden = picture.rgb, picture.hidden | no_data_mask(picture.rgb)
         homography = np.eye(3)
-        shape = hidden.shape
     else:
-        found, shape = rectify_photo(path, parser)
+        found = rectify_photo(picture, name)
         image, hidden, homography = found.image, ~found.seen, found.homography
         if found.other_facade is not None:
             notes.append(
@@ -168,26 +149,21 @@ def crop_facade_photo(
     try:
         cut = crop_to_building(image, hidden, middle[0] / middle[2], aspect, model=parser)
     except ImageError as error:
-        raise ImageError(f"{path.name}: {error}") from error
+        raise ImageError(f"{name}: {error}") from error
+    _require_level(cut, name, rectified)
+    return replace(cut, notes=(*notes, *cut.notes), kept=cut.hidden.size / hidden.size, homography=homography)
+
+
+def _require_level(cut: FacadeCrop, name: str, rectified: bool) -> None:
+    """Raise ImageError for a facade whose level lines slope."""
     beside = cut.hidden | cut.outside
     if not rectified and (slope := measure_level_slope(cut.image, beside)) > MAX_LEVEL_SLOPE_DEG:
-        raise ImageError(f"{path.name}: its level lines slope by {slope:.0f} degrees; {REMEDY}")
+        raise ImageError(f"{name}: its level lines slope by {slope:.0f} degrees; {REMEDY}")
     if rectified and (unrectified := find_unrectified_slope(cut.image, beside)) is not None:
         raise ImageError(
-            f"{path.name}: its level lines slope by {unrectified:.0f} degrees: it is not rectified; rectify it, or if all "
+            f"{name}: its level lines slope by {unrectified:.0f} degrees: it is not rectified; rectify it, or if all "
             "photos are as taken, set `rectified: false`"
         )
-    x0, y0, x1, y1 = cut.box
-    corners = np.array([[x0, y0, 1], [x1, y0, 1], [x1, y1, 1], [x0, y1, 1]]) @ np.linalg.inv(homography).T
-    return CroppedPhoto(
-        cut.image,
-        cut.hidden,
-        cut.outside,
-        cut.hidden.size / hidden.size,
-        cut.has_facade,
-        corners[:, :2] / corners[:, 2:],
-        (*notes, *cut.notes),
-    )
 
 
 def is_mirrored(image: UInt8Array, lines: Sequence[TextLine]) -> bool:
@@ -203,23 +179,21 @@ def _count_legible(lines: Sequence[TextLine]) -> int:
     return sum(line.score >= LEGIBLE_SCORE and len(line.text) >= LEGIBLE_LETTERS for line in lines)
 
 
-def rectify_photo(path: Path, parser: Path | None = None) -> tuple[Rectified, tuple[int, int]]:
-    """Rectify a photo as taken; returns it with its size (h, w) as read.
+def rectify_photo(picture: Picture, name: str) -> Rectified:
+    """Rectify a photo as taken.
 
     Parameters
     ----------
-    parser : model file in place of the shipped one.
+    picture : the photo.
+    name : its name in errors.
 
     Raises
     ------
-    ImageError : it was taken at night or cannot be rectified; the message has its name.
+    ImageError : it was taken at night or cannot be rectified.
     """
-    picture = read_bounded_picture(path, least=PICTURES.min_side_px)
     alpha = np.where(picture.hidden, 0, 255).astype(np.uint8)
-    focal = read_focal_length_px(path)
     try:
-        check_daylight(picture.rgb, picture.hidden, read_exposure_value(path), model=parser)
-        found = rectify(np.dstack([picture.rgb, alpha]), focal=None if focal is None else focal * picture.scale)
+        check_daylight(picture.rgb, picture.hidden, picture.state.exposure)
+        return rectify(np.dstack([picture.rgb, alpha]), focal=picture.state.focal_px)
     except ImageError as error:
-        raise ImageError(f"{path.name}: {error}") from error
-    return found, picture.hidden.shape
+        raise ImageError(f"{name}: {error}") from error

@@ -6,13 +6,14 @@ import numpy as np
 
 from facade_core.core.arrays import Float32Array, UInt8Array
 from facade_core.core.resizing import resize_image
+from facade_core.facade.evidence import Evidence
 from facade_core.facade.facade import Facade
 from facade_core.facade.sharpening import enlarge_classes, enlarge_image, picture_detail, sharpen_facade
 from facade_core.geometry.charts import raster_sizes
+from facade_core.imagery.rectify.crop import FacadeCrop
 from facade_core.imagery.rectify.panorama import rectify_chart_from_panorama
 from facade_core.plan.plan import Plan
-from tasks.stages.facades.evidence import FacadeEvidence, read_sharp_panorama
-from tasks.stages.facades.photos import CroppedPhoto
+from tasks.stages.facades.evidence import read_sharp_panorama
 
 
 def working_size(plan: Plan, chart: int, source: str) -> tuple[int, int]:
@@ -28,9 +29,7 @@ def working_size(plan: Plan, chart: int, source: str) -> tuple[int, int]:
     return int(placement.height[chart]), int(placement.width[chart])
 
 
-def sharpen_from_pictures(
-    plan: Plan, chart: int, facade: Facade, evidence: FacadeEvidence
-) -> tuple[Facade, UInt8Array]:
+def sharpen_from_pictures(plan: Plan, chart: int, facade: Facade, evidence: Evidence) -> tuple[Facade, UInt8Array]:
     """Bring a facade and its confidence to the chart's raster, with the detail of the picture that each texel is from.
 
     Parameters
@@ -45,7 +44,9 @@ def sharpen_from_pictures(
     """
     placement, coarse = plan.scene.placement, (facade.labels.shape[0], facade.labels.shape[1])
     size = (int(placement.height[chart]), int(placement.width[chart]))
-    confidence = np.rint(255 * evidence.confidence).astype(np.uint8)
+    confidence = np.rint(255 * (~evidence.hidden if evidence.confidence is None else evidence.confidence)).astype(
+        np.uint8
+    )
     if size != coarse and not (evidence.photo is None and evidence.picture is None):
         scale = float(placement.texels_per_metre[chart] / plan.street_density[chart])
         if evidence.photo is not None:
@@ -56,7 +57,7 @@ def sharpen_from_pictures(
     return facade, np.where(facade.occluded, 0, confidence).astype(np.uint8)
 
 
-def _photo_detail(photo: CroppedPhoto, size: tuple[int, int], coarse: tuple[int, int], scale: float) -> Float32Array:
+def _photo_detail(photo: FacadeCrop, size: tuple[int, int], coarse: tuple[int, int], scale: float) -> Float32Array:
     """Compute the detail of a photo at a size (height, width), (h, w, 3) float32."""
     height, width = shape = (round(coarse[0] * scale), round(coarse[1] * scale))
     hidden = resize_image(photo.hidden.astype(np.uint8), shape) > 0
@@ -66,7 +67,7 @@ def _photo_detail(photo: CroppedPhoto, size: tuple[int, int], coarse: tuple[int,
 
 
 def _panorama_detail(
-    plan: Plan, chart: int, evidence: FacadeEvidence, size: tuple[int, int], coarse: tuple[int, int], scale: float
+    plan: Plan, chart: int, evidence: Evidence, size: tuple[int, int], coarse: tuple[int, int], scale: float
 ) -> Float32Array:
     """Compute the detail of the panorama that each texel is from at a size (height, width), (h, w, 3) float32."""
     detail = np.ones((*size, 3), np.float32)

@@ -28,13 +28,15 @@ from facade_core.core.provenance import PROVENANCE, Provenance
 from facade_core.core.types import AS_FOUND
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.facade.correction import rasterise_boxes, replace_elements
+from facade_core.facade.evidence import Evidence
 from facade_core.facade.exemplar import count_columns
 from facade_core.facade.facade import Facade
-from facade_core.facade.photo_facade import MAX_HIDDEN_SHARE, MappedDoors, PhotoMasks, build_facade_from_photo
+from facade_core.facade.photo_facade import MAX_HIDDEN_SHARE, MappedDoors, build_facade_from_photo
 from facade_core.geometry.walls import WallRole
 from facade_core.imagery.detect.detection import detectors_available
 from facade_core.imagery.detect.signs import shop_names
 from facade_core.imagery.privacy import apply_privacy
+from facade_core.imagery.rectify.change_detection import ChangeSinceCapture
 from facade_core.parsing.confidence import box_coverage
 from facade_core.plan.plan import Plan
 from tasks.engine.context import current_worker_name, load_run_plan
@@ -48,10 +50,10 @@ from tasks.engine.outcome import (
 from tasks.engine.run import Run
 from tasks.engine.seeds import FACADE_SEED, unit_seed
 from tasks.engine.unit import Unit, UnitGroup
-from tasks.stages.facades.evidence import ChangeSinceCapture, FacadeEvidence, read_evidence
+from tasks.stages.facades.evidence import read_evidence
 from tasks.stages.facades.exemplar_facades import build_unit_from_exemplar
 from tasks.stages.facades.exposure import first_picture, level_exposures, measure_pictured_colour
-from tasks.stages.facades.photos import PhotoCropQuality
+from tasks.stages.facades.photos import describe_crop
 from tasks.stages.facades.picture_detail import sharpen_from_pictures, working_size
 from tasks.stages.facades.pictured_style import PicturedStyle, select_pictured_style
 from tasks.stages.facades.record import FacadeRecord, count_variations
@@ -74,20 +76,14 @@ class TexturedFacade(NamedTuple):
     facade : None if it is left to the street stage.
     source : name of the source.
     confidence : (h, w) uint8.
-    captured : day of the newest picture.
-    shop_names : names read over shops; None if they were not looked for.
-    fit : fit of a photo to the wall.
-    before : change since an earlier capture.
+    evidence : what its pictures show; None without pictures.
     """
 
     depth: int
     facade: Facade | None
     source: str
     confidence: UInt8Array
-    captured: str | None = None
-    shop_names: str | None = None
-    fit: PhotoCropQuality | None = None
-    before: ChangeSinceCapture | None = None
+    evidence: Evidence | None = None
 
 
 def process_facades(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSession, dict[int, Record]]:
@@ -165,8 +161,8 @@ def _write_facade(
     ----------
     seconds : duration of the steps so far; the record has that of writing too.
     """
-    facade, imagery, result = unit.index, unit.arguments[0], made.facade
-    about: dict[str, object] = {"source": made.source, "capture_date": made.captured}
+    facade, imagery, result, shown = unit.index, unit.arguments[0], made.facade, made.evidence
+    about: dict[str, object] = {"source": made.source, "capture_date": None if shown is None else shown.captured}
     if imagery.corrected != AS_FOUND and (result is not None or not imagery.corrected.facade):
         about |= {"corrected": True} | ({} if imagery.corrected.facade else {"facade": False})
     if result is not None:
@@ -179,18 +175,16 @@ def _write_facade(
         if result.hierarchy is not None:
             about["variation_file"] = variation_hierarchy_path(int(plan.ids[plan.facades.chart[facade]]))
             about["variation_digest"] = digest_stored_file(result.hierarchy.to_bytes())
-        if imagery.sources()[made.depth] in ("photo", "panoramas"):
-            about |= {"privacy": run.privacy, "looked": detectors_available(), "shop_names": made.shop_names}
+        if shown is not None and (source := imagery.sources()[made.depth]) in ("photo", "panoramas"):
+            names = _read_shop_names(result, shown, source, density)
+            about |= {"privacy": run.privacy, "looked": detectors_available(), "shop_names": names}
             colour = measure_pictured_colour(result, density)
             about |= {} if colour is None else {"pictured_colour": colour}
             if first_picture(made.source) in {path.name for path in imagery.exposure_factors}:
                 about["common_exposure"] = True
-        if made.before is not None:
-            about |= _write_change(group, plan, facade, made.before)
-        if made.fit is not None:
-            kept, found, stretched, notes = made.fit
-            about |= {"cut_kept": round(kept, 4), "cut_found": found, "stretched": round(stretched, 3)}
-            about |= {"cut_notes": list(notes)} if notes else {}
+        if shown is not None:
+            about |= {} if shown.before is None else _write_change(group, plan, facade, shown.before)
+            about |= describe_crop(shown)
     about["seconds"] = {stage: round(s, 4) for stage, s in seconds.items()}
     return about
 
@@ -234,9 +228,8 @@ def _join_errors(errors: Sequence[Exception]) -> Exception:
 def texture_from_pictures(run: Run, plan: Plan, unit: Unit, refused: list[Exception]) -> TexturedFacade | None:
     """Texture a facade from the best of its pictures; None if none shows enough. Errors are appended to `refused`."""
     facade, (imagery, textures, _) = unit.index, unit.arguments
-    facades, placement = plan.facades, plan.scene.placement
+    facades = plan.facades
     chart = int(facades.chart[facade])
-    density = float(placement.texels_per_metre[chart])
     along, width = float(facades.along[facade]), float(facades.width[facade])
     said = imagery.corrected
     *pictures, _ = imagery.sources()
@@ -247,13 +240,10 @@ def texture_from_pictures(run: Run, plan: Plan, unit: Unit, refused: list[Except
             if evidence is not None:
                 try:
                     result = build_facade_from_photo(
-                        evidence.image,
-                        evidence.hidden | rasterise_boxes(said.hide, size),
-                        masks=PhotoMasks(
-                            rasterise_boxes(said.keep, size),
-                            evidence.outside,
-                            evidence.seen.private_mask(size),
-                            evidence.clean,
+                        replace(
+                            evidence,
+                            hidden=evidence.hidden | rasterise_boxes(said.hide, size),
+                            facade=rasterise_boxes(said.keep, size),
                         ),
                         doors=MappedDoors(
                             [(place - along) / width for place in imagery.entrances if along < place < along + width],
@@ -264,17 +254,9 @@ def texture_from_pictures(run: Run, plan: Plan, unit: Unit, refused: list[Except
                     )
                 except ImageError as error:
                     raise ImageError(f"{evidence.source}: {error}") from error
-                result = replace(
-                    result,
-                    masked=evidence.masked + result.masked,
-                    masked_share=evidence.masked_share + result.masked_share,
-                )
                 result, confidence = sharpen_from_pictures(plan, chart, result, evidence)
                 result = _apply_correction(result, imagery)
-                names = _read_shop_names(result, evidence, source, density)
-                return TexturedFacade(
-                    depth, result, evidence.source, confidence, evidence.captured, names, evidence.fit, evidence.before
-                )
+                return TexturedFacade(depth, result, evidence.source, confidence, evidence)
     return None
 
 
@@ -314,7 +296,7 @@ def _apply_correction(facade: Facade, imagery: FacadeImagery) -> Facade:
     return facade if elements is None else replace_elements(facade, elements)
 
 
-def _read_shop_names(result: Facade, evidence: FacadeEvidence, source: str, texels_per_metre: float) -> str | None:
+def _read_shop_names(result: Facade, evidence: Evidence, source: str, texels_per_metre: float) -> str | None:
     """Return the names of shops on a facade's own photo; None without a photo or detectors."""
     if source != "photo" or not detectors_available():
         return None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
@@ -19,8 +18,6 @@ from facade_core.core.labels import CLASSES, UNKNOWN
 from facade_core.core.types import Pose
 from tasks.engine.outcome import collect_input_errors
 
-# Of a frame of 35 mm film, 36 x 24 mm.
-DIAGONAL_35MM = math.hypot(36, 24)
 # A picture is worked on at no more pixels than the widest panorama of a block has: 1300 a radian, a texel of 5 cm at 65 m.
 MAX_PIXELS = 8192 * 4096
 # A picture of a lens is worked on at no more pixels a radian: twice those of that panorama, a texel of 3 cm at 80 m.
@@ -33,34 +30,6 @@ def image_size(path: Path) -> tuple[int, int]:
     """Return rows and columns of an image file, from its header."""
     with open_picture(path) as image:
         return image.height, image.width
-
-
-def read_focal_length_px(path: Path) -> float | None:
-    """Return the focal length of a photo in pixels of the file, from its EXIF 35 mm equivalent; None if unknown."""
-    from PIL import ExifTags
-
-    with open_picture(path) as image:
-        diagonal = math.hypot(image.width, image.height)
-        try:
-            told = float(image.getexif().get_ifd(ExifTags.IFD.Exif).get(ExifTags.Base.FocalLengthIn35mmFilm) or 0)
-        except Exception:  # damaged in any way
-            return None
-    return told * diagonal / DIAGONAL_35MM if 0 < told < math.inf else None
-
-
-def read_exposure_value(path: Path) -> float | None:
-    """Return the exposure value of a photo at ISO 100 from its EXIF; None if unknown."""
-    from PIL import ExifTags
-
-    with open_picture(path) as image:
-        try:
-            exif = image.getexif().get_ifd(ExifTags.IFD.Exif)
-            aperture, seconds = float(exif[ExifTags.Base.FNumber]), float(exif[ExifTags.Base.ExposureTime])
-            sensitivity = float(np.max(exif.get(ExifTags.Base.ISOSpeedRatings) or 100))
-            exposure = math.log2(aperture**2 / seconds * 100 / sensitivity)
-        except Exception:  # none, or damaged in any way
-            return None
-    return exposure if math.isfinite(exposure) else None
 
 
 def capture_date(path: Path) -> str | None:
@@ -113,6 +82,11 @@ def read_image_and_mask(path: Path) -> tuple[UInt8Array, BoolArray]:
 def read_bounded_picture(path: Path, *, least: int = 1) -> Picture:
     """Read a picture of at most MAX_PIXELS; a larger one is reduced on reading."""
     return read_picture(path, max_pixels=MAX_PIXELS, min_side=least)
+
+
+def read_photo(path: Path) -> Picture:
+    """Read a photo of a facade, with how it was taken."""
+    return read_bounded_picture(path, least=PICTURES.min_side_px)
 
 
 def read_exemplar_picture(path: Path) -> Picture:

@@ -149,14 +149,15 @@ def test_of_boxes_that_overlap_the_surest_stays() -> None:
 
 
 def test_a_face_that_is_private_is_made_anew() -> None:
-    from facade_core.facade.photo_facade import PhotoMasks, build_facade_from_photo
+    from facade_core.facade.evidence import Evidence
+    from facade_core.facade.photo_facade import build_facade_from_photo
 
     painted = paint((9.0, 8.0), floors=2, columns=3, style="haussmann", metres_per_pixel=0.05, seed=2)
     nothing = np.zeros(painted.labels.shape, bool)
     private = nothing.copy()
     private[-30:-20, 40:50] = True
     plain, none, hidden = (
-        build_facade_from_photo(painted.image, nothing, masks=PhotoMasks(private=p, is_clean=True))
+        build_facade_from_photo(Evidence(image=painted.image, hidden=nothing, private=p, is_clean=True))
         for p in (None, nothing, private)
     )
     assert (plain.image == none.image).all()

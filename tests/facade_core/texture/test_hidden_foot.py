@@ -7,7 +7,8 @@ import pytest
 
 from benchmarks.painter.facade import paint_facade
 from facade_core.core.labels import FacadeClass
-from facade_core.facade.photo_facade import PhotoMasks, build_facade_from_photo
+from facade_core.facade.evidence import Evidence
+from facade_core.facade.photo_facade import build_facade_from_photo
 from facade_core.facade.texture.hidden_foot import find_hidden_foot, repeat_storeys
 from tests.facade_core.texture.conftest import FLOOR, draw
 
@@ -133,13 +134,13 @@ def test_a_photo_without_its_ground_floor() -> None:
     height = len(painted.labels)
     hidden = np.zeros(painted.labels.shape, bool)
     hidden[height - 60 :] = True  # 3.6 m
-    made = build_facade_from_photo(painted.image, hidden, masks=PhotoMasks(is_clean=True), seed=1)
+    made = build_facade_from_photo(Evidence(image=painted.image, hidden=hidden, is_clean=True), seed=1)
     assert made.repeated_foot_share == pytest.approx(60 / height)
     assert made.occluded[hidden].all()
     windows = [one for one in made.elements if one.label == "window" and one.y0 >= height - 60]
     assert len(windows) >= 3
     assert all(one.height > 12 for one in windows), "whole ones"
     kept = build_facade_from_photo(
-        painted.image, hidden, masks=PhotoMasks(facade=np.ones_like(hidden), is_clean=True), seed=1
+        Evidence(image=painted.image, hidden=hidden, facade=np.ones_like(hidden), is_clean=True), seed=1
     )
     assert kept.repeated_foot_share == 0, "somebody says that it shows the facade"

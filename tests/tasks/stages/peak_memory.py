@@ -35,12 +35,13 @@ FACADES = {}
 
 
 def photo(height, width):
+    from facade_core.facade.evidence import Evidence
     from facade_core.facade.photo_facade import build_facade_from_photo
 
     image, hidden = picture(height, width)
 
     def unit():
-        FACADES[height, width] = build_facade_from_photo(image, hidden)
+        FACADES[height, width] = build_facade_from_photo(Evidence(image=image, hidden=hidden))
 
     return unit
 
@@ -217,11 +218,13 @@ def drawn(height, width):
     from facade_core.export.pictures.occlusion_overlay import overlay_occlusion
     from facade_core.export.pictures.rendering import draw_parse, encode_image
     from facade_core.export.pictures.stage_pictures import REPORT_SAMPLE_SEEDS
+    from facade_core.facade.evidence import Evidence
     from facade_core.facade.photo_facade import build_facade_from_photo
     from facade_core.facade.variation.level_drawing import draw_level
     from streetloom.variation import Hierarchy
 
-    made = FACADES.get((height, width)) or build_facade_from_photo(*picture(height, width))
+    image, hidden = picture(height, width)
+    made = FACADES.get((height, width)) or build_facade_from_photo(Evidence(image=image, hidden=hidden))
     stored = made.hierarchy.to_bytes()
 
     def unit():

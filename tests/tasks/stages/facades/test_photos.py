@@ -23,10 +23,14 @@ from facade_core.imagery.rectify.photo_state import check_daylight, check_photo_
 from facade_core.parsing.segmenter import Surroundings
 from tasks.stages.facades.evidence import read_evidence
 from tasks.stages.facades.imagery import FacadeImagery
-from tasks.stages.facades.photos import BLURRED, crop_facade_photo, read_facade_photo
-from tasks.stages.shared.images import capture_date, read_focal_length_px
+from tasks.stages.facades.photos import BLURRED, crop_facade_photo, describe_crop, read_facade_photo
+from tasks.stages.shared.images import capture_date, read_bounded_picture
 
 PAINTED = paint((16.0, 14.0), floors=4, columns=5, style="haussmann", metres_per_pixel=0.03, seed=4)
+# Below a pale sky, and with the dark ground floor of a street.
+OUTDOORS = PAINTED.image.copy()
+OUTDOORS[: len(OUTDOORS) // 8] = (200, 205, 215)
+OUTDOORS[4 * len(OUTDOORS) // 5 :] //= 2
 
 
 def from_below(image: np.ndarray) -> np.ndarray:
@@ -50,10 +54,10 @@ def test_a_photo_as_taken_is_rectified_to_its_facade(tmp_path: Path) -> None:
     size = (PAINTED.image.shape[0] // 2, PAINTED.image.shape[1] // 2)
     truth = cv2.resize(PAINTED.image, size[::-1], interpolation=cv2.INTER_AREA)
     as_taken = cv2.resize(from_below(PAINTED.image), size[::-1], interpolation=cv2.INTER_AREA)
-    rectified, hidden, *_ = read_facade_photo(path, False, size)
-    assert rectified.shape == truth.shape
-    assert hidden.mean() < 0.2
-    assert likeness(rectified, truth) > likeness(as_taken, truth) + 0.2
+    found = read_facade_photo(path, False, size)
+    assert found.image.shape == truth.shape
+    assert found.photo.hidden.mean() < 0.2
+    assert likeness(found.image, truth) > likeness(as_taken, truth) + 0.2
 
 
 def test_a_photo_without_a_facade_is_refused_by_name(tmp_path: Path) -> None:
@@ -66,11 +70,11 @@ def test_a_photo_without_a_facade_is_refused_by_name(tmp_path: Path) -> None:
 def test_focal_length_is_that_of_the_exif(tmp_path: Path) -> None:
     image, path = Image.new("RGB", (3600, 2400)), tmp_path / "photo.jpg"
     image.save(path)
-    assert read_focal_length_px(path) is None
+    assert read_bounded_picture(path).state.focal_px is None
     exif = Image.Exif()
     exif.get_ifd(0x8769)[0xA405] = 28
     image.save(path, exif=exif)
-    assert read_focal_length_px(path) == pytest.approx(2800)
+    assert read_bounded_picture(path).state.focal_px == pytest.approx(2800)
 
 
 @pytest.mark.parametrize(
@@ -101,10 +105,10 @@ def test_what_is_private_on_a_photo_comes_to_its_texels(tmp_path: Path, monkeypa
     photo = read_facade_photo(path, True, size)
     factor = np.array([size[1] / looks[0][1], size[0] / looks[0][0]] * 2)
     assert np.allclose(photo.seen.faces, np.array([40, 60, 60, 84]) * factor)
-    assert photo.fit.found
-    assert photo.fit.stretched == pytest.approx(1, abs=0.2)
+    assert describe_crop(photo)["cut_found"]
+    assert describe_crop(photo)["stretched"] == pytest.approx(1, abs=0.2)
     evidence = read_evidence("photo", None, 0, size, FacadeImagery(photo=path), (), [])
-    assert evidence.fit == photo.fit
+    assert describe_crop(evidence) == describe_crop(photo)
     assert evidence.masked == evidence.seen.private_boxes(size) != ()
 
 
@@ -123,13 +127,15 @@ def test_how_a_photo_fits_its_wall_is_told(tmp_path: Path, monkeypatch: pytest.M
 
     monkeypatch.setattr("tasks.stages.facades.photos.crop_to_building", crop)
     monkeypatch.setattr("tasks.stages.facades.photos.detect_faces_plates_text", lambda image: FacesPlatesAndText())
-    kept, found, stretched, notes = read_facade_photo(path, True, (300, 200)).fit
-    assert kept == pytest.approx(150 * 50 / (200 * 100))
-    assert not found
-    assert stretched == pytest.approx(2.0), "the wall is 2 by 3, what was cut out 1 by 3"
-    assert notes == ("neighbour cut off", BLURRED), "50 pixels for 200 texels across"
+    fit = describe_crop(read_facade_photo(path, True, (300, 200)))
+    assert fit["cut_kept"] == pytest.approx(150 * 50 / (200 * 100))
+    assert not fit["cut_found"]
+    assert fit["stretched"] == pytest.approx(2.0), "the wall is 2 by 3, what was cut out 1 by 3"
+    assert fit["cut_notes"] == ["neighbour cut off", BLURRED], "50 pixels for 200 texels across"
     assert asked == [(50.0, pytest.approx(2 / 3))]
-    assert read_facade_photo(path, True, (300, 300)).fit.stretched == pytest.approx(3.0), "rectified by its user"
+    assert describe_crop(read_facade_photo(path, True, (300, 300)))["stretched"] == pytest.approx(3.0), (
+        "rectified by its user"
+    )
 
 
 def test_a_photo_of_other_proportions_than_its_wall_is_refused(tmp_path: Path) -> None:
@@ -148,7 +154,7 @@ def test_the_outline_is_that_in_the_photo(tmp_path: Path) -> None:
 
 def test_a_photo_that_is_upside_down_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "w1-f6.png"
-    Image.fromarray(PAINTED.image[::-1, ::-1]).save(path)
+    Image.fromarray(OUTDOORS[::-1, ::-1]).save(path)
     with pytest.raises(ImageError, match=r"w1-f6\.png: it is upside down; turn it by 180 degrees"):
         crop_facade_photo(path, True)
 
@@ -156,7 +162,7 @@ def test_a_photo_that_is_upside_down_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("turns", "way"), [(1, "clockwise"), (3, "counterclockwise")])
 def test_a_photo_on_its_side_is_refused(tmp_path: Path, turns: int, way: str) -> None:
     path = tmp_path / "w1-f6.png"
-    Image.fromarray(np.rot90(PAINTED.image, turns)).save(path)
+    Image.fromarray(np.rot90(OUTDOORS, turns)).save(path)
     with pytest.raises(ImageError, match=rf"w1-f6\.png: it lies on its side; turn it {way} by 90 degrees"):
         crop_facade_photo(path, True)
 
@@ -190,8 +196,8 @@ def test_a_small_photo_is_said_to_be_blurred(tmp_path: Path) -> None:
     path = tmp_path / "w1-f6.png"
     Image.fromarray(PAINTED.image).save(path)
     size = np.array(PAINTED.labels.shape)
-    assert BLURRED not in read_facade_photo(path, True, tuple((size * 1.5).astype(int))).fit.notes
-    assert BLURRED in read_facade_photo(path, True, tuple(size * 3)).fit.notes
+    assert BLURRED not in read_facade_photo(path, True, tuple((size * 1.5).astype(int))).photo.notes
+    assert BLURRED in read_facade_photo(path, True, tuple(size * 3)).photo.notes
 
 
 def test_a_photo_taken_at_night_is_refused(tmp_path: Path) -> None:

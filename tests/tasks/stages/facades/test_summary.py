@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from benchmarks.painter.facade import paint_facade as paint
+from facade_core.facade.evidence import Evidence
 from facade_core.facade.exemplar_facade import ScaledStyle, build_facade_from_exemplar
 from facade_core.facade.facade import Facade
-from facade_core.facade.photo_facade import PhotoMasks, build_facade_from_photo
+from facade_core.facade.photo_facade import build_facade_from_photo
 from facade_core.facade.texture.retargeting import analyse_exemplar
 from facade_core.facade.texture.wall_floors import FacadeWall
 from tasks.stages.facades.worker import _summarize
@@ -31,8 +32,10 @@ def of_exemplar() -> Facade:
 
 
 def test_what_is_seen_is_told_from_what_is_made_up() -> None:
-    whole = _summarize(build_facade_from_photo(PAINTED.image, np.zeros_like(HIDDEN), masks=PhotoMasks(is_clean=True)))
-    half = _summarize(build_facade_from_photo(PAINTED.image, HIDDEN, masks=PhotoMasks(is_clean=True)))
+    whole = _summarize(
+        build_facade_from_photo(Evidence(image=PAINTED.image, hidden=np.zeros_like(HIDDEN), is_clean=True))
+    )
+    half = _summarize(build_facade_from_photo(Evidence(image=PAINTED.image, hidden=HIDDEN, is_clean=True)))
     made = _summarize(of_exemplar())
     assert whole["windows_seen"] == whole["windows"] > 0
     assert 0 < half["windows_seen"] < half["windows"]
