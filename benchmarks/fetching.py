@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.imagery_server import Imagery, Shot, picture_path, serving
+from catalogs.block.settings import replace_settings
 
 BOX = ("7", "48", "8", "49")
 
@@ -70,8 +71,8 @@ def choose(block_file: Path, spacing: float) -> dict[str, Any]:
     from tasks.stages.ingest.planning import make_plan
 
     block = read_block(block_file)
-    texture = replace(block.texture, panorama_width=256, viewpoint_spacing=spacing)
-    plan = make_plan(replace(block, panoramas=(), texture=texture))
+    settings = replace_settings(block.settings, panorama_width=256, viewpoint_spacing=spacing)
+    plan = make_plan(replace(block, panoramas=(), settings=settings))
     poses = [Pose(x, y, z, 0.0) for x, y, z in (camera.position.tolist() for camera in plan.viewpoints)]
     sizes = [(4096, 8192)] * len(poses)
     start = time.monotonic()

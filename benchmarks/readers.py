@@ -33,6 +33,7 @@ def _block(name: str) -> dict[str, Any]:
     import shapely
 
     from catalogs.block.reader import read_block
+    from catalogs.block.settings import replace_settings
     from catalogs.examples.sources import EXAMPLE_BLOCKS_FOLDER as FOLDER
     from facade_core.geometry.charts import ChartKind
     from tasks.stages.ingest.planning import make_plan
@@ -40,7 +41,7 @@ def _block(name: str) -> dict[str, Any]:
     start = time.perf_counter()
     block = read_block(FOLDER / f"{name}.yaml")
     read = time.perf_counter() - start
-    plan = make_plan(replace(block, texture=replace(block.texture, panorama_width=512)))
+    plan = make_plan(replace(block, settings=replace_settings(block.settings, panorama_width=512)))
     charts, facades = plan.scene.charts, plan.facades
     footprints = shapely.union_all([building.footprint for building in block.buildings])
     places = shapely.points([viewpoint.position[:2] for viewpoint in plan.viewpoints])

@@ -13,6 +13,7 @@ import numpy as np
 from catalogs.block.key_faults import validate_block_settings
 from catalogs.block.paths import resolve_paths
 from catalogs.block.reader import Block, read_block
+from catalogs.block.settings import replace_settings
 from catalogs.block.yaml_edits import add_imagery_entry, format_imagery_entry
 from catalogs.block.yaml_files import read_yaml
 from catalogs.crs import bounds_to_lonlat
@@ -216,7 +217,7 @@ def _search(service: ImageryService, wanted: PanoramaQuery) -> tuple[list[Remote
 def _choose_panoramas(block: Block, offers: Sequence[RemotePanorama]) -> PanoramaChoice:
     frames: dict[str | None, Transformer] = {}
     poses = [project_pose(offer.pose, _FULL_PANORAMA, block.crs, frames) for offer in offers]
-    plan = make_plan(replace(block, panoramas=(), texture=replace(block.texture, panorama_width=256)))
+    plan = make_plan(replace(block, panoramas=(), settings=replace_settings(block.settings, panorama_width=256)))
     terrain = build_terrain(block.buildings, block.terrain)
     placed: tuple[Pose, ...] = fill_pose_heights(poses, terrain, block.texture.viewpoint_height)
     return choose_panoramas(plan.scene, plan.facades, placed, [offer.size or DEFAULT_PANORAMA_SIZE for offer in offers])

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import shapely
 
+from catalogs.block.settings import replace_settings
 from facade_core.core.types import Building
 
 
@@ -69,7 +70,7 @@ def read_facts(path: Path, *, with_plan: bool = False) -> dict[str, Any]:
     if with_plan:
         from tasks.stages.ingest.planning import make_plan
 
-        make_plan(replace(block, texture=replace(block.texture, texels_per_metre=8.0)))
+        make_plan(replace(block, settings=replace_settings(block.settings, texels_per_metre=8.0)))
     return facts
 
 

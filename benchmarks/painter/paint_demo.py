@@ -15,6 +15,7 @@ from benchmarks.painter.exemplars import paint_exemplar
 from benchmarks.painter.facade import paint_facade
 from benchmarks.painter.styles import NORDIC_STYLES
 from catalogs.block.reader import Block, read_block
+from catalogs.block.settings import replace_settings
 from facade_core.core.arrays import UInt8Array
 from facade_core.geometry.walls import WallRole
 from tasks.examples.demo import INPUTS, SEED, copy_map, write_block_file
@@ -53,7 +54,7 @@ def paint_photos(block: Block, folder: Path) -> None:
     """Paint a photo of every third facade with its own size and floors; occluders are transparent."""
     folder.mkdir(exist_ok=True)
     # coarse panoramas change visibility, not the facades
-    facades = make_plan(replace(block, texture=replace(block.texture, panorama_width=256))).facades
+    facades = make_plan(replace(block, settings=replace_settings(block.settings, panorama_width=256))).facades
     fronts = np.flatnonzero(facades.role == WallRole.STREET).tolist()
     chosen = [i for i in fronts if PHOTO_METRES[0] <= facades.width[i] <= PHOTO_METRES[1]][::PHOTO_EVERY]
 

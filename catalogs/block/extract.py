@@ -1,14 +1,13 @@
 """File of a part of a city: a run of the part reads it instead of the city's files.
 
 Values round-trip exactly, so a block has the same digest either way. Geometries are WKB, arrays are raw bytes, paths
-are relative to the file; only classes listed in `serial_schemas` are constructed.
+are relative to the file; only classes of `value_encoding` are constructed.
 """
 
 from __future__ import annotations
 
 import io
 import json
-import math
 import os
 import zipfile
 import zlib
@@ -21,7 +20,7 @@ import numpy as np
 import shapely
 
 from catalogs.block.part import CityPart
-from catalogs.block.serial_schemas import PART_FIELDS, SCHEMAS
+from catalogs.block.value_encoding import ValueDecoder, ValueEncoder
 from catalogs.block.value_types import require_attribute_types
 from catalogs.buildings.extents import Bounds
 from catalogs.features import Fault
@@ -32,13 +31,11 @@ from catalogs.readers.pictures.aerial import Orthophoto
 from catalogs.readers.pictures.panoramas import PosedPanorama
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import InputError
-from facade_core.core.json_types import JsonValue
 from facade_core.core.regular_files import MAX_TEXT_BYTES, require_regular
-from facade_core.core.types import Building, BuildingShell, MappedGround, Street
+from facade_core.core.types import Building, MappedGround, Street
 
-# Class by its tag in a part file.
-_CLASSES = {schema.tag: cls for cls, schema in SCHEMAS.items()}
-EXTRACT_FORMAT = 2
+# A change to the fields of a class in `VALUE_TYPES` is another format.
+EXTRACT_FORMAT = 3
 
 
 @dataclass(frozen=True)
@@ -58,7 +55,7 @@ class CityPartFile:
 
 
 class PartContents(TypedDict):
-    """Attributes of a block that the file of a part of a city holds (`PART_FIELDS`)."""
+    """Attributes of a block that the file of a part of a city holds."""
 
     buildings: tuple[Building, ...]
     streets: tuple[Street, ...]
@@ -75,13 +72,11 @@ class PartContents(TypedDict):
 
 def write_city_part_file(path: Path, values: Mapping[str, object]) -> None:
     """Write the file of a part of a city atomically; an identical file is not rewritten."""
-    blob = bytearray()
-    text = json.dumps(
-        {"format": EXTRACT_FORMAT, "values": _encode_value(dict(values), blob, path.parent)}, ensure_ascii=False
-    )
+    encoder = ValueEncoder(path.parent)
+    text = json.dumps({"format": EXTRACT_FORMAT, "values": encoder.encode(dict(values))}, ensure_ascii=False)
     buffer = io.BytesIO()
     np.savez_compressed(
-        buffer, text=np.frombuffer(text.encode(errors="surrogatepass"), np.uint8), blob=_byte_array(blob)
+        buffer, text=np.frombuffer(text.encode(errors="surrogatepass"), np.uint8), blob=_byte_array(encoder.blob)
     )
     if path.is_file() and path.read_bytes() == buffer.getvalue():
         return
@@ -100,7 +95,7 @@ def read_city_part(path: Path) -> CityPartFile:
     values = read_city_part_file(path)
     try:
         crs, extent = values["crs"], values["extent"]
-        contents = {attribute: values[name] for name, attribute in PART_FIELDS}
+        contents = {name: values[name] for name in PartContents.__annotations__}
         require_attribute_types(PartContents, contents)
         require_attribute_types(CityPartFile, {"crs": crs, "extent": extent})
     except (KeyError, TypeError) as error:
@@ -125,7 +120,7 @@ def read_city_part_file(path: Path) -> dict[str, object]:
         document = parse_json_object(text, "its text")
         if document["format"] != EXTRACT_FORMAT:
             raise ValueError(f"format {document['format']}")
-        values = _Decoder(blob, path.parent).decode(document["values"])
+        values = ValueDecoder(blob, path.parent).decode(document["values"])
         if not isinstance(values, dict):
             raise ValueError("no named values")
         return values
@@ -152,88 +147,6 @@ def read_city_part_file(path: Path) -> dict[str, object]:
 def _unreadable_message(path: Path, error: Exception) -> str:
     why = short_message(error).removeprefix(str(path)).lstrip(": ")
     return f"{path} holds no part of a city that can be read ({why}); remove it, and `streetloom city` writes it again"
-
-
-def _encode_value(value: object, blob: bytearray, folder: Path) -> JsonValue:
-    """Encode a value as JSON; binary data are appended to `blob`."""
-    value = value.item() if isinstance(value, np.generic) else value
-    if value is None or isinstance(value, bool | str | int | float):
-        return value
-    if isinstance(value, Path):
-        return {"path": os.path.relpath(value, folder)}
-    if isinstance(value, shapely.Geometry):
-        octets = shapely.to_wkb(value)
-        blob += octets
-        return {"shape": [len(blob) - len(octets), len(octets)]}
-    if isinstance(value, np.ndarray):
-        blob += np.ascontiguousarray(value).tobytes()
-        return {"array": [value.dtype.str, list(value.shape), len(blob) - value.nbytes]}
-    if (schema := SCHEMAS.get(type(value))) is not None:
-        return {
-            schema.tag: [
-                _encode_value(getattr(value, attribute), blob, folder) for _, attribute in schema.stated_fields(value)
-            ]
-        }
-    if isinstance(value, Mapping):
-        return {"map": [[name, _encode_value(part, blob, folder)] for name, part in value.items()]}
-    if isinstance(value, list | tuple):
-        return [_encode_value(part, blob, folder) for part in value]
-    raise TypeError(f"no part of a city holds a {type(value).__name__}")
-
-
-class _Decoder:
-    """Decoder of the values of a part, which together take no more of the binary data than there is."""
-
-    def __init__(self, blob: bytes, folder: Path) -> None:
-        self._blob, self._folder, self._left = blob, folder, len(blob)
-
-    def decode(self, encoded: JsonValue) -> object:
-        if isinstance(encoded, list):
-            return tuple(self.decode(part) for part in encoded)
-        if not isinstance(encoded, dict):
-            return encoded
-        ((kind, content),) = encoded.items()
-        if kind == "path":
-            return Path(os.path.abspath(self._folder / content))
-        if kind == "shape":
-            return shapely.from_wkb(self._take(*content))
-        if kind == "array":
-            dtype, shape, start = np.dtype(content[0]), tuple(content[1]), content[2]
-            if dtype.kind not in "biuf":
-                raise ValueError(f"an array of {dtype}")
-            octets = self._take(start, math.prod(shape) * dtype.itemsize)
-            return np.frombuffer(octets, dtype).reshape(shape).copy()
-        if kind == "map":
-            return {name: self.decode(part) for name, part in content}
-        cls = _CLASSES[kind]
-        attributes = [attribute for _, attribute in SCHEMAS[cls].fields]
-        if len(content) > len(attributes):
-            raise ValueError(f"{kind} has {len(content)} values")
-        # fields with defaults, which older files lack, are the last ones
-        values = dict(zip(attributes, map(self.decode, content), strict=False))
-        require_attribute_types(cls, values)
-        if cls is BuildingShell:
-            _check_shell(values)
-        return cls(**values)
-
-    def _take(self, start: int, count: int) -> bytes:
-        """Return binary data; each part of them is stored once."""
-        if start < 0 or count < 0 or start + count > len(self._blob) or count > self._left:
-            raise ValueError("it states more binary data than it holds")
-        self._left -= count
-        return self._blob[start : start + count]
-
-
-def _check_shell(values: Mapping[str, object]) -> None:
-    """Raise ValueError unless the arrays of a shell belong together."""
-    vertices, triangles, semantic, texture, uv = (
-        np.asarray(values[name]) for name in ("vertices", "triangles", "semantic", "texture", "uv")
-    )
-    count = len(triangles)
-    shapes = (vertices.shape[1:], triangles.shape[1:], semantic.shape, texture.shape, uv.shape)
-    fits = shapes == ((3,), (3,), (count,), (count,), (count, 3, 2))
-    if not fits or (count and not 0 <= triangles.min() <= triangles.max() < len(vertices)):
-        raise ValueError("a model's arrays do not belong together")
 
 
 def _byte_array(blob: bytearray) -> UInt8Array:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, TypedDict
+from typing import TYPE_CHECKING, NamedTuple
 
 import shapely
 
@@ -23,7 +23,7 @@ from catalogs.block.keys import BlockFileSettings, TextureSettings
 from catalogs.block.part import CityPart
 from catalogs.block.passages import note_closed_passages
 from catalogs.block.paths import hide_variable_values, resolve_paths
-from catalogs.block.serial_schemas import PART_FIELDS
+from catalogs.block.settings import WithSettings
 from catalogs.block.terrain_checks import note_terrain_doubts
 from catalogs.block.yaml_files import read_yaml
 from catalogs.buildings.buried_feet import cut_buried_feet
@@ -39,7 +39,6 @@ from facade_core.core.types import (
     Building,
     ElevationRaster,
     MappedGround,
-    Privacy,
     Street,
     TrainedModelFiles,
 )
@@ -55,8 +54,8 @@ __all__ = ["Block", "TextureSettings", "read_block"]
 Material = tuple[Path, float]
 
 
-@dataclass(frozen=True)
-class Block:
+@dataclass(frozen=True, kw_only=True)
+class Block(WithSettings):
     """City block, ready to be textured.
 
     Attributes
@@ -67,13 +66,12 @@ class Block:
     entrances : (x, y) of mapped entrances.
     ground : ways and areas that a map states.
     style : unposed street pictures, from which a run harvests more exemplars.
-    photos : facade id -> file; unrectified street photos unless `photos_rectified`.
-    privacy : treatment of people and vehicles in pictures.
+    photos : facade id -> file.
     textures : pictures that the texture indices of shells refer to.
     aerial : orthophoto of the block.
     roof_material : picture of a roof material, and its metres per pixel.
     materials : pictures that replace shipped materials.
-    storey : metres per storey.
+    geoid_separation : metres of the geoid above the ellipsoid in the middle of the block; None where heights stay as given.
     notes : what was left out or assumed, one line each.
     faults : units that are broken.
     digest : sha256 of all values read; independent of file names and dates.
@@ -82,7 +80,6 @@ class Block:
     models : model files that replace shipped ones.
     """
 
-    name: str
     crs: CRS
     buildings: tuple[Building, ...]
     streets: tuple[Street, ...]
@@ -92,18 +89,12 @@ class Block:
     terrain: ElevationRaster | None
     exemplars: tuple[Path, ...]
     photos: dict[str, Path]
-    photos_rectified: bool
-    privacy: Privacy
     panoramas: tuple[PosedPanorama, ...]
     textures: tuple[Path, ...]
     aerial: Orthophoto | None
     roof_material: Material | None
     materials: tuple[MaterialPicture, ...]
-    texture: TextureSettings
-    storey: float
     geoid_separation: float | None
-    failed_limit: float
-    seed: int
     notes: tuple[str, ...]
     faults: tuple[Fault, ...]
     digest: str
@@ -112,21 +103,15 @@ class Block:
     models: TrainedModelFiles = SHIPPED_MODELS
     style: tuple[Path, ...] = ()
 
+    @property
+    def name(self) -> str:
+        """Return the name of the block."""
+        return self.settings.name
 
-class _BlockSettings(TypedDict):
-    """Attributes of a block that do not depend on its buildings."""
-
-    name: str
-    texture: TextureSettings
-    roof_material: Material | None
-    materials: tuple[MaterialPicture, ...]
-    privacy: Privacy
-    photos_rectified: bool
-    storey: float
-    geoid_separation: float | None
-    failed_limit: float
-    seed: int
-    models: TrainedModelFiles
+    @property
+    def photos_rectified(self) -> bool:
+        """Return whether photos of facades are rectified; else they are as taken from the street."""
+        return self.settings.imagery.photos is None or self.settings.imagery.photos.rectified
 
 
 def read_block(path: Path | str) -> Block:
@@ -213,7 +198,11 @@ def build_block(keys: BlockFileSettings, file: BlockFileErrorContext) -> Block:
         + geoid_notes,
         faults=(*geometry.faults, *pictures.faults, *broken_panoramas),
         digest="",
-        **_read_settings(keys, files, file, separation),
+        settings=keys,
+        roof_material=_find_roof_material(keys, files, file),
+        materials=_read_materials(files, file),
+        geoid_separation=separation,
+        models=_model_files(files),
     )
 
 
@@ -279,10 +268,12 @@ def _read_posed_pictures(
 
 def city_part_file_values(part: Block, whole: Block) -> dict[str, object]:
     """Return the values that the file of a part of a city holds (see `catalogs.block.extract`)."""
+    from catalogs.block.extract import PartContents
+
     return {
         "crs": part.crs.to_string(),
         "extent": buildings_extent_with_margin(whole.buildings),
-        **{name: getattr(part, attribute) for name, attribute in PART_FIELDS},
+        **{name: getattr(part, name) for name in PartContents.__annotations__},
     }
 
 
@@ -301,27 +292,12 @@ def _read_part(keys: BlockFileSettings, files: NamedFiles, file: BlockFileErrorC
         notes=(),
         digest="",
         **values.contents,
-        **_read_settings(keys, files, file, separation),
+        settings=keys,
+        roof_material=_find_roof_material(keys, files, file),
+        materials=_read_materials(files, file),
+        geoid_separation=separation,
+        models=_model_files(files),
     )
-
-
-def _read_settings(
-    keys: BlockFileSettings, files: NamedFiles, file: BlockFileErrorContext, separation: float | None
-) -> _BlockSettings:
-    """Return the attributes of a block that its file states, whether it is a part of a city or not."""
-    return {
-        "name": keys.name,
-        "texture": keys.texture,
-        "roof_material": _find_roof_material(keys, files, file),
-        "materials": _read_materials(files, file),
-        "privacy": keys.imagery.privacy,
-        "photos_rectified": keys.imagery.photos is None or keys.imagery.photos.rectified,
-        "storey": keys.storey,
-        "geoid_separation": separation,
-        "failed_limit": keys.failed_limit,
-        "seed": keys.seed,
-        "models": _model_files(files),
-    }
 
 
 def _flat_terrain_notes(buildings: Iterable[Building], terrain: ElevationRaster | None) -> tuple[str, ...]:

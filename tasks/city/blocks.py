@@ -20,6 +20,7 @@ from catalogs.block.keys import MAX_NAME_LENGTH
 from catalogs.block.part import CityIndex, CityPartIds
 from catalogs.block.paths import hide_variable_values, path_keys, resolve_path
 from catalogs.block.reader import build_block, city_part_file_values, read_block, set_digest
+from catalogs.block.settings import replace_settings
 from catalogs.block.yaml_files import read_yaml
 from catalogs.city.keys import CityFileSettings, validate_city_settings
 from catalogs.city.partition import CityBlockIds, halo_radius, partition_city
@@ -106,7 +107,8 @@ def partition_city_file(
         part = whole.extract_part(chosen)
         write_city_part_file(folder / extract, city_part_file_values(part, whole.block))
         _write_if_changed(block_file, yaml.safe_dump(named, sort_keys=False, allow_unicode=True))
-        block = set_digest(apply_corrections_to_block(replace(part, name=named["name"]), corrections), file)
+        part = replace(part, settings=replace_settings(part.settings, name=named["name"]))
+        block = set_digest(apply_corrections_to_block(part, corrections), file)
         counts, place = block_counts_from_map(block), place_block(block)
         blocks.append(CityBlock(cut.name, block_file, block.digest, counts, place=place))
     faults = tuple((one.kind, one.id, one.reason) for one in whole.block.faults)

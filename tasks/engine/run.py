@@ -6,18 +6,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from catalogs.block.settings import WithSettings
 from catalogs.published.folders import Folder, local_run_folder
 from catalogs.published.s3 import folder_at
-from facade_core.core.types import SHIPPED_MODELS, Privacy, TrainedModelFiles
+from facade_core.core.types import SHIPPED_MODELS, TrainedModelFiles
 
 if TYPE_CHECKING:
-    from catalogs.block.reader import Material, TextureSettings
+    from catalogs.block.reader import Material
     from catalogs.readers.pictures.aerial import Orthophoto
     from catalogs.readers.pictures.materials import MaterialPicture
 
 
-@dataclass(frozen=True)
-class Run:
+@dataclass(frozen=True, kw_only=True)
+class Run(WithSettings):
     """One run of a block into a folder.
 
     Attributes
@@ -25,10 +26,8 @@ class Run:
     out : absolute folder, or s3://bucket/prefix.
     block : name of the block.
     key : digest of the block's inputs and settings, and of the code that ingests them.
-    texture : settings of the block; of files that it names, `roof_material` and `materials` are read instead.
-    privacy : treatment of people and plates in stored pictures.
+    settings : settings of the block; of files that they name, `roof_material`, `materials` and `models` are read instead.
     models : models that the block names in place of the shipped ones.
-    failed_limit : share of units that may fail for a snapshot to become current.
     shared : folder of work that the blocks of a city share; empty outside a city.
     ingested : when the store's plan was written, 0 before; tells a process that serves many runs which plan it cached.
     """
@@ -37,15 +36,10 @@ class Run:
     block: str
     key: str
     crs: str
-    seed: int
-    storey: float
-    texture: TextureSettings
-    privacy: Privacy = "blur"
     aerial: Orthophoto | None = None
     roof_material: Material | None = None
     materials: tuple[MaterialPicture, ...] = ()
     models: TrainedModelFiles = SHIPPED_MODELS
-    failed_limit: float = 0.2
     shared: str = ""
     ingested: float = 0.0
 

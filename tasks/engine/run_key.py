@@ -33,15 +33,11 @@ def create_run(block: Block, out: Folder) -> Run:
         block=block.name,
         key=key,
         crs=block.crs.to_string(),
-        seed=block.seed,
-        storey=block.storey,
-        texture=block.texture,
-        privacy=block.privacy,
+        settings=block.settings,
         aerial=block.aerial,
         roof_material=block.roof_material,
         materials=block.materials,
         models=_check_models(block.models),
-        failed_limit=block.failed_limit,
         shared=_find_shared_folder(out.resolve()),
     )
 

@@ -17,6 +17,7 @@ import yaml
 from catalogs.block.geometry import SWAPPED_AXES_NOTE
 from catalogs.block.keys import suggest_name
 from catalogs.block.reader import Block, read_block
+from catalogs.block.settings import replace_settings
 from catalogs.buildings.densest_square import densest_building_square, square_bounds
 from catalogs.buildings.extents import Bounds
 from catalogs.crs import LONLAT, coordinate_transform, note_outside_area_of_use, parse_crs
@@ -281,7 +282,7 @@ def _write_block_file(
         notify(
             f"planning {format_count(len(block.buildings), 'building')} and {format_count(len(block.streets), 'street')}"
         )
-        plan = make_plan(replace(block, texture=replace(block.texture, panorama_width=256)))
+        plan = make_plan(replace(block, settings=replace_settings(block.settings, panorama_width=256)))
         ids = set(plan.facades.id)
         fronts = tuple(plan.facades.id[i] for i in np.flatnonzero(plan.facades.role == WallRole.STREET).tolist())
         panoramas, named, unused, unplaced = (

@@ -21,10 +21,11 @@ def failure_limit_reason(run: Run, group: StoreGroup) -> str | None:
     texturing = tuple(kind for kind in STAGES_IN_ORDER[:last] if kind.part_of is None and kind is not EXEMPLARS)
     for kinds in (texturing, *((kind,) for kind in STAGES_IN_ORDER[last:] if kind is not PICTURES)):
         failed, total = _count_failed(group, kinds)
-        if failed > run.failed_limit * total:
+        limit = run.settings.failed_limit
+        if failed > limit * total:
             units = "units" if len(kinds) > 1 else kinds[0].stage
             return (
-                f"{failed} of {total} {units} failed, more than the block's failed_limit of {run.failed_limit:.0%} allows: "
+                f"{failed} of {total} {units} failed, more than the block's failed_limit of {limit:.0%} allows: "
                 "what is current stays as it was"
             )
     return None

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from catalogs.block.corrections import read_corrections
-from catalogs.block.extract import read_city_part
+from catalogs.block.extract import EXTRACT_FORMAT, read_city_part
 from catalogs.block.reader import read_block
 from catalogs.city.tile_index import tile_files_in_area
 from catalogs.imagery.fetch_log import FETCH_LOG_NAME, read_fetch_log
@@ -43,7 +43,7 @@ READERS: dict[str, Callable[[Path], object]] = {
 
 
 def part_file(path: Path, values: object, blob: bytes = b"\0") -> Path:
-    text = json.dumps({"format": 2, "values": values}).encode()
+    text = json.dumps({"format": EXTRACT_FORMAT, "values": values}).encode()
     np.savez_compressed(path, text=np.frombuffer(text, np.uint8), blob=np.frombuffer(blob, np.uint8))
     return path
 
@@ -96,14 +96,14 @@ GOOD = {
     "buildings": [],
     "streets": [],
     "entrances": [],
-    "ground": {"Ground": [[], [], None]},
+    "ground": {"MappedGround": [[], [], None]},
     "exemplars": [],
     "photos": {"map": []},
     "panoramas": [],
     "textures": [],
     "aerial": None,
     "faults": [],
-    "part": {"Part": [[], [], [], [], []]},
+    "part": {"CityPart": [[], [], [], [], []]},
 }
 PARTS: dict[str, object] = {
     "list": [1],

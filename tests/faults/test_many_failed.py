@@ -9,6 +9,7 @@ import pytest
 import zarr
 
 from catalogs.block.reader import read_block
+from catalogs.block.settings import replace_settings
 from facade_core.atlas.journal import write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository
 from facade_core.core.errors import BlockFileError
@@ -42,7 +43,9 @@ def test_what_is_current_stays_where_too_many_units_failed(tmp_path: Path) -> No
     assert Path(bad["outputs"]["report"]).is_file()
     assert str(bad["outputs"]["report"]) in bad["withheld"]
     assert not (out / "current").exists()
-    assert "withheld" not in publish_block.fn(replace(run, failed_limit=0.5), block)
+    assert "withheld" not in publish_block.fn(
+        replace(run, settings=replace_settings(run.settings, failed_limit=0.5)), block
+    )
     assert (out / "current").read_text().strip() == Path(bad["outputs"]["report"]).parts[-3]
 
 
@@ -51,7 +54,7 @@ def test_the_limit_is_a_key_of_the_block_and_changes_no_result(tmp_path: Path) -
     for number, limit in enumerate((0.2, 0.5)):
         block = read_block(write_block(tmp_path / "block", failed_limit=limit))
         digests.add(block.digest)
-        assert block.failed_limit == (0.2, 0.5)[number]
+        assert block.settings.failed_limit == (0.2, 0.5)[number]
     assert len(digests) == 1
     with pytest.raises(BlockFileError, match="failed_limit"):
         read_block(write_block(tmp_path / "block", failed_limit=1.5))

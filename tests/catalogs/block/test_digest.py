@@ -19,7 +19,10 @@ import yaml
 from PIL import Image
 
 from catalogs.block.corrections import Correction, Corrections
-from catalogs.block.digest import block_digest
+from catalogs.block.declared_keys import Effect, declared_keys
+from catalogs.block.digest import block_digest, plan_input_digest
+from catalogs.block.key_faults import validate_block_settings
+from catalogs.block.keys import BlockFileSettings
 from catalogs.block.part import CityPart
 from catalogs.block.reader import Block, read_block
 from catalogs.readers.pictures.materials import MaterialPicture
@@ -27,6 +30,7 @@ from facade_core.core.types import TrainedModelFiles
 
 EAST, NORTH = 385_000.0, 6_671_000.0
 Edit = Callable[[Path], Any]
+KEYS = declared_keys(BlockFileSettings)
 
 
 def write(folder: Path, **keys: Any) -> Path:
@@ -189,7 +193,6 @@ def test_every_value_of_a_block_counts(tmp_path: Path) -> None:
     picture = tmp_path / "a.png"
     Image.new("RGB", (8, 8)).save(picture)
     changes: dict[str, Any] = {
-        "name": "other",
         "crs": block.crs.geodetic_crs,
         "buildings": block.buildings[:1],
         "streets": (*block.streets, *block.streets, "one"),
@@ -200,24 +203,68 @@ def test_every_value_of_a_block_counts(tmp_path: Path) -> None:
         "exemplars": (picture,),
         "style": (picture,),
         "photos": {"a-0": picture},
-        "photos_rectified": not block.photos_rectified,
-        "privacy": "mask",
         "panoramas": read_block(panoramas(tmp_path)).panoramas,
         "textures": (picture,),
         "aerial": read_block(above(tmp_path)).aerial,
         "roof_material": (picture, 0.01),
         "materials": (MaterialPicture("slabs", picture, 0.8),),
-        "texture": replace(block.texture, walls="exemplar"),
-        "storey": block.storey + 0.1,
         "geoid_separation": 17.0,
-        "seed": block.seed + 1,
         "notes": (*block.notes, "one"),
         "faults": (*block.faults, "one"),
         "corrections": Corrections({"a-0": {"facade": Correction("a-0", "facade", False)}}),
         "models": TrainedModelFiles(layout=picture),
         "part": CityPart(("a",), (), (), ("street",), (-1,)),
     }
-    assert changes.keys() | {"digest", "failed_limit"} == {field.name for field in fields(Block)}
+    assert changes.keys() | {"digest", "settings"} == {field.name for field in fields(Block)}
     digests = {block_digest(replace(block, **{name: value})) for name, value in changes.items()}
     assert len(digests | {block.digest}) == len(changes) + 1
     assert block_digest(replace(block, digest="")) == block.digest
+
+
+# Another value of every setting.
+OTHER_SETTINGS: dict[str, Any] = {
+    "name": "other",
+    "texture.texels_per_metre": 20.0,
+    "texture.viewpoint_spacing": 4.0,
+    "texture.viewpoint_height": 3.0,
+    "texture.visibility_range": 50.0,
+    "texture.walls": "exemplar",
+    "texture.translator": "neural",
+    "texture.panorama_width": 512,
+    "texture.levelling": False,
+    "texture.roof_material": {"path": "a.png", "metres_per_pixel": 0.02},
+    "texture.sun": {"azimuth": 200.0, "elevation": 30.0},
+    "imagery.photos": {"path": "photos", "rectified": False},
+    "imagery.privacy": "mask",
+    "storey": 3.5,
+    "failed_limit": 0.5,
+    "seed": 1,
+}
+
+
+def test_every_setting_counts_by_its_effect(tmp_path: Path) -> None:
+    """Only settings that change a result change the digest, and only those of the plan change that of its inputs."""
+    block = read_block(geojson(tmp_path))
+    stated = {"name": "small", "buildings": {"path": "houses.geojson"}, "texture": {"walls": "translate"}}
+    whole, plan = {block.digest}, {plan_input_digest(block)}
+    for key, value in OTHER_SETTINGS.items():
+        section, _, leaf = key.rpartition(".")
+        changed = stated | ({section: stated.get(section, {}) | {leaf: value}} if section else {leaf: value})
+        other = replace(block, settings=validate_block_settings(changed))
+        [effect] = {one.key.effect for name, one in KEYS.items() if f"{name}.".startswith(f"{key}.") if one.key.effect}
+        assert (block_digest(other) not in whole) == (effect is not Effect.NOTHING), key
+        assert (plan_input_digest(other) not in plan) == (effect is Effect.PLAN), key
+        whole.add(block_digest(other))
+        plan.add(plan_input_digest(other))
+    settings = {name for name, one in KEYS.items() if one.key.effect is not None}
+    assert {name for name in settings if not any(f"{name}.".startswith(f"{key}.") for key in OTHER_SETTINGS)} == set()
+
+
+def test_where_a_value_is_read_from_does_not_count(tmp_path: Path) -> None:
+    block = read_block(geojson(tmp_path))
+    stated = {
+        "name": "small",
+        "texture": {"walls": "translate"},
+        "buildings": {"path": "b", "crs": "EPSG:3879", "lod": "2"},
+    }
+    assert block_digest(replace(block, settings=validate_block_settings(stated))) == block.digest

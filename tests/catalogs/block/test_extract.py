@@ -10,10 +10,9 @@ import pytest
 import shapely
 
 from catalogs.block.digest import block_digest
-from catalogs.block.extract import read_city_part_file, write_city_part_file
+from catalogs.block.extract import EXTRACT_FORMAT, PartContents, read_city_part_file, write_city_part_file
 from catalogs.block.part import CityIndex, CityPartIds
 from catalogs.block.reader import city_part_file_values, read_block
-from catalogs.block.serial_schemas import PART_FIELDS
 from catalogs.features import Fault
 from catalogs.readers.pictures.panoramas import PosedPanorama
 from facade_core.core.errors import InputError
@@ -64,8 +63,8 @@ def test_what_is_kept_is_what_was_read(whole: CityIndex, tmp_path: Path) -> None
     part = whole.extract_part(chosen(whole))
     write_city_part_file(tmp_path / "p.npz", city_part_file_values(part, whole.block))
     values = read_city_part_file(tmp_path / "p.npz")
-    assert set(values) == {"crs", "extent", *dict(PART_FIELDS)}
-    again = replace(part, **{attribute: values[name] for name, attribute in PART_FIELDS})
+    assert set(values) == {"crs", "extent", *PartContents.__annotations__}
+    again = replace(part, **{name: values[name] for name in PartContents.__annotations__})
     assert block_digest(again) == block_digest(part)
     assert values["panoramas"] == part.panoramas
     assert values["photos"] == part.photos
@@ -109,7 +108,7 @@ def test_nothing_is_made_of_what_a_file_names_but_the_classes_of_a_part(tmp_path
 
     path = tmp_path / "p.npz"
     for said in ({"Popen": ["ls"]}, {"array": ["|O", [1], 0]}, {"shape": [0, 900]}):
-        text = json.dumps({"format": 1, "values": {"map": [["a", said]]}}).encode()
+        text = json.dumps({"format": EXTRACT_FORMAT, "values": {"map": [["a", said]]}}).encode()
         np.savez_compressed(path, text=np.frombuffer(text, np.uint8), blob=np.zeros(8, np.uint8))
         with pytest.raises(InputError):
             read_city_part_file(path)

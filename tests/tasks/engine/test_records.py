@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from catalogs.block.reader import TextureSettings
 from catalogs.readers.pictures.folders import list_images
 from facade_core.core.errors import FacadeError, ImageError
 from tasks.engine.outcome import UnitOutcomeCounts, failure_record, is_done_for_keys
@@ -17,8 +16,9 @@ from tasks.engine.run import Run
 from tasks.engine.seeds import unit_seed
 from tasks.stages.exemplars.stage import exemplar_key
 from tasks.stages.shared.images import read_image_and_mask, read_labels
+from tests.settings import block_settings
 
-RUN = Run("out", "b", "key", "EPSG:32635", 7, 3.2, TextureSettings())
+RUN = Run(out="out", block="b", key="key", crs="EPSG:32635", settings=block_settings(seed=7))
 
 
 def test_outcomes_add_up() -> None:

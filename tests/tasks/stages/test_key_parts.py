@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 
 from catalogs.block.keys import SunSettings
 from catalogs.block.reader import TextureSettings
+from catalogs.block.settings import replace_settings
 from catalogs.readers.pictures.materials import MaterialPicture
 from facade_core.atlas.journal import write_record
 from facade_core.core.types import Building, BuildingShell, Pose, Street, TrainedModelFiles
@@ -38,15 +39,16 @@ from tasks.stages.streets.keys import KEY_SETTINGS, StreetKeys, street_keys
 from tasks.stages.streets.panoramas import is_panorama_in_report
 from tasks.stages.surfaces.keys import surface_key
 from tasks.stages.textures.stage import texture_key
+from tests.settings import block_settings
 
 RUN = Run(
     out="/out",
     block="block",
     key="k",
     crs="EPSG:3067",
-    seed=1,
-    storey=3.2,
-    texture=TextureSettings(texels_per_metre=4.0, panorama_width=128, walls="translate"),
+    settings=block_settings(
+        seed=1, texture=TextureSettings(texels_per_metre=4.0, panorama_width=128, walls="translate")
+    ),
 )
 TEXTURE = {field.name for field in fields(TextureSettings)}
 POSE = Pose(5.0, -3.0, 2.5, 30.0, 1.0, 2.0)
@@ -57,9 +59,12 @@ ELSEWHERE = {"out": "/other", "block": "other", "key": "l", "crs": "EPSG:32635",
 
 def changed(run: Run, values: dict[str, Any]) -> Run:
     """A run with other values of its own or of its settings of texture."""
-    of_texture = {name: value for name, value in values.items() if name in TEXTURE}
-    others = {name: value for name, value in values.items() if name not in TEXTURE}
-    return replace(run, texture=replace(run.texture, **of_texture), **others)
+    own = {field.name for field in fields(Run)}
+    of_run = {name: value for name, value in values.items() if name in own}
+    stated = {name: value for name, value in values.items() if name not in own}
+    if privacy := stated.pop("privacy", None):
+        stated["imagery"] = run.settings.imagery.model_copy(update={"privacy": privacy})
+    return replace(run, settings=replace_settings(run.settings, **stated), **of_run)
 
 
 def house(name: str, x: float, y: float, height: float = 8.0) -> Building:

@@ -17,6 +17,7 @@ import yaml
 from PIL import Image
 
 from catalogs.block.reader import Block, read_block
+from catalogs.block.settings import replace_settings
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.core.errors import InputError
 from facade_core.geometry.chart_packing import PreviousChartPlacements
@@ -153,7 +154,7 @@ def test_who_waits_for_workers_that_do_not_come_is_told() -> None:
 def test_other_code_makes_the_plan_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     block = read_block(write_block(tmp_path / "in"))
     key = plan_reuse_key(block)
-    assert plan_reuse_key(replace(block, seed=99, photos={})) == key
+    assert plan_reuse_key(replace(block, settings=replace_settings(block.settings, seed=99), photos={})) == key
     monkeypatch.setattr("tasks.stages.ingest.planning.stage_code_digest", lambda stage: "other")
     assert plan_reuse_key(block) != key
 
