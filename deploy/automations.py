@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import click
-import yaml
+from ruamel.yaml import YAML
 
 NOTIFY = "NOTIFY"
 
@@ -29,7 +29,7 @@ def main(file: Path, notify: str | None) -> None:
         raise click.UsageError("PREFECT_API_URL names no server")
     with SyncPrefectClient(address) as client:
         block = _block(client, notify) if notify else None
-        for entry in yaml.safe_load(file.read_text()):
+        for entry in YAML(typ="safe").load(file.read_text()):
             text = json.dumps(entry)
             if NOTIFY in text and block is None:
                 click.echo(f"left out, since no --notify is given: {entry['name']}")

@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from catalogs.block.key_faults import validate_block_settings
+from catalogs.block.key_faults import read_block_settings
 from catalogs.block.paths import resolve_paths
 from catalogs.block.reader import Block, read_block
 from catalogs.block.settings import replace_settings
 from catalogs.block.yaml_edits import add_imagery_entry, format_imagery_entry
-from catalogs.block.yaml_files import read_yaml
 from catalogs.crs import bounds_to_lonlat
 from catalogs.features import Fault
 from catalogs.imagery.fetch_log import FetchLog, has_fetch_log, read_fetch_log
@@ -184,7 +183,7 @@ def fetch_box_panoramas(
 def _named_folder(block_file: Path) -> Path | None:
     """Return the folder of panoramas that a block file names, without reading its pictures."""
     try:
-        keys = validate_block_settings(read_yaml(block_file))
+        keys = read_block_settings(block_file)
         if keys.imagery.panoramas is None:
             return None
         return resolve_paths(keys, block_file)["imagery.panoramas.path"][0]

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 from pydantic import ValidationError
 
 from catalogs.block.declared_keys import DeclaredKey, Section, declared_keys
 from catalogs.block.keys import BlockFileSettings
+from catalogs.block.yaml_files import find_key_line, read_yaml
 from catalogs.printable_text import short_repr
 
 if TYPE_CHECKING:
@@ -24,6 +26,28 @@ _SECTION_TYPES = ("model_type", "dataclass_type")
 CITY_KEYS = ("cut", "blocks")
 # Characters of an unknown key in a message.
 _MAX_KEY_LENGTH = 60
+
+
+class KeyFaultError(ValueError):
+    """Fault of a key: one line "key: problem; remedy", and where the key stands."""
+
+    def __init__(self, message: str, location: tuple[str | int, ...]) -> None:
+        super().__init__(message)
+        self.location = location
+
+
+def read_block_settings(path: Path) -> BlockFileSettings:
+    """Read and validate the keys of a block file.
+
+    Raises
+    ------
+    ValueError : one line "line N: key: problem; remedy" for the first fault.
+    """
+    try:
+        return validate_block_settings(read_yaml(path))
+    except KeyFaultError as error:
+        line = find_key_line(path, error.location)
+        raise ValueError(str(error) if line is None else f"line {line}: {error}") from None
 
 
 def validate_block_settings(values: object) -> BlockFileSettings:
@@ -45,7 +69,7 @@ def validate_section(model: type[S], values: Mapping[str, object]) -> S:
     except ValidationError as error:
         # A mistyped key is also reported as a missing one: the unknown key comes first.
         faults = sorted(error.errors(include_url=False), key=lambda fault: fault["type"] not in _UNKNOWN_KEY_TYPES)
-        raise ValueError(_format_fault(faults[0], declared_keys(model))) from None
+        raise KeyFaultError(_format_fault(faults[0], declared_keys(model)), faults[0]["loc"]) from None
 
 
 def _format_fault(fault: ErrorDetails, known: DeclaredKeys) -> str:

@@ -18,14 +18,13 @@ from catalogs.block.digest import block_digest
 from catalogs.block.geoid import resolve_geoid_separation
 from catalogs.block.geometry import buildings_extent_with_margin, read_geometry
 from catalogs.block.geometry_sources import NamedFiles
-from catalogs.block.key_faults import validate_block_settings
+from catalogs.block.key_faults import read_block_settings
 from catalogs.block.keys import BlockFileSettings, TextureSettings
 from catalogs.block.part import CityPart
 from catalogs.block.passages import note_closed_passages
 from catalogs.block.paths import hide_variable_values, resolve_paths
 from catalogs.block.settings import WithSettings
 from catalogs.block.terrain_checks import note_terrain_doubts
-from catalogs.block.yaml_files import read_yaml
 from catalogs.buildings.buried_feet import cut_buried_feet
 from catalogs.buildings.extents import Bounds
 from catalogs.crs import parse_crs
@@ -125,7 +124,7 @@ def read_block(path: Path | str) -> Block:
     """
     file = BlockFileErrorContext(Path(path))
     try:
-        keys = validate_block_settings(read_yaml(file.path))
+        keys = read_block_settings(file.path)
     except ValueError as error:
         raise BlockFileError(f"{file.path}: {error}") from error
     block = build_block(keys, file)
@@ -143,7 +142,7 @@ def read_model_files(path: Path) -> TrainedModelFiles:
     BlockFileError : as `read_block`.
     """
     try:
-        return _model_files(resolve_paths(validate_block_settings(read_yaml(path)), path))
+        return _model_files(resolve_paths(read_block_settings(path), path))
     except ValueError as error:
         raise BlockFileError(hide_variable_values(f"{path}: {error}", path)) from error
 

@@ -7,9 +7,8 @@ from collections import Counter
 from pathlib import Path
 
 from catalogs.block.declared_keys import PathKind
-from catalogs.block.key_faults import validate_block_settings
+from catalogs.block.key_faults import read_block_settings
 from catalogs.block.paths import path_keys, resolve_paths
-from catalogs.block.yaml_files import read_yaml
 from catalogs.examples.sources import EXAMPLE_SOURCES
 from catalogs.imagery.fetch_log import has_fetch_log, read_fetch_log
 from catalogs.stac.facts import DataSourceFacts
@@ -29,7 +28,7 @@ def block_data_sources(block_file: Path) -> tuple[DataSourceFacts, ...]:
     more.
     """
     try:
-        kinds, paths = path_keys(), resolve_paths(validate_block_settings(read_yaml(block_file)), block_file)
+        kinds, paths = path_keys(), resolve_paths(read_block_settings(block_file), block_file)
         return tuple(
             DataSourceFacts(key, path.name, licence)
             for key, found in paths.items()

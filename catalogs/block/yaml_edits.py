@@ -7,9 +7,7 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
-import yaml
-
-from catalogs.block.yaml_files import read_yaml
+from catalogs.block.yaml_files import format_yaml_line, read_yaml
 from facade_core.core.json_types import JsonValue
 
 _IMAGERY_HEADING = re.compile(r"^imagery:[ ]*(#[^\r\n]*)?(?=\r?$)", re.MULTILINE)
@@ -18,8 +16,7 @@ _INDENTED_LINE = re.compile(r"^( +)\S", re.MULTILINE)
 
 def format_imagery_entry(kind: str, values: Mapping[str, object]) -> str:
     """Return the line that names pictures of a kind (`panoramas`, `photos`) below `imagery`."""
-    text = yaml.safe_dump(dict(values), default_flow_style=True, allow_unicode=True, width=10**6)
-    return f"{kind}: {text.strip()}"
+    return f"{kind}: {format_yaml_line(values)}"
 
 
 def add_imagery_entry(path: Path, kind: str, values: Mapping[str, object]) -> bool:
@@ -47,7 +44,7 @@ def add_imagery_entry(path: Path, kind: str, values: Mapping[str, object]) -> bo
     temporary = path.with_name(f".{path.name}.tmp")
     try:
         temporary.write_bytes(new.encode())
-        imagery = {**(before.get("imagery") or {}), **yaml.safe_load(line)}
+        imagery = {**(before.get("imagery") or {}), kind: dict(values)}
         if _read_or_none(temporary) != {**before, "imagery": imagery}:
             return False
         os.replace(temporary, path)

@@ -1,27 +1,30 @@
-"""Strict YAML reader whose errors name the line."""
+"""Strict YAML reader, and writer: ruamel.yaml with the plain values of YAML 1.2's core schema."""
 
 from __future__ import annotations
 
+import io
 import re
 import stat
 import unicodedata
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from facade_core.core.json_types import JsonValue
 from facade_core.core.regular_files import open_regular
 
 if TYPE_CHECKING:
-    from collections.abc import Hashable
-
-    import yaml
+    from ruamel.yaml import YAML
+    from ruamel.yaml.events import Event
+    from ruamel.yaml.resolver import BaseResolver
 
 # A block file names data and holds none: with a list of a thousand files it has 100 kB.
 MAX_FILE_BYTES = 256_000  # bytes
 MAX_NESTING = 20  # levels of keys and lists
 # Digits of an integer: no setting is longer, and Python rejects very long ones.
 MAX_DIGITS = 40
+MAX_LINE_LENGTH = 1_000_000  # of a written file: values are not wrapped
 # Unicode categories that values must not contain: they break lines of messages, or cannot be encoded.
 _FORBIDDEN_CATEGORIES = {
     "Cc": "a control character",
@@ -29,19 +32,19 @@ _FORBIDDEN_CATEGORIES = {
     "Zl": "a line break",
     "Zp": "a line break",
 }
-# Plain scalars of YAML 1.2's core schema. In YAML 1.1 `no` is false, 1:30 is 90 and 010 is 8.
+# Plain scalars of YAML 1.2's core schema: without dates, underscores and binary numbers.
 _CORE_SCHEMA = (
-    ("null", r"~|null|Null|NULL|", "~nN\0"),
-    ("bool", r"true|True|TRUE|false|False|FALSE", "tTfF"),
-    ("int", r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+", "-+0123456789"),
+    ("null", r"~|null|Null|NULL|", ("~", "n", "N", "")),
+    ("bool", r"true|True|TRUE|false|False|FALSE", tuple("tTfF")),
+    ("int", r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+", tuple("-+0123456789")),
     (
         "float",
         r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)",
-        "-+0123456789.",
+        tuple("-+0123456789."),
     ),
 )
-_OCTAL = re.compile(r"[-+]?0[0-9]+")
-_TAB_PROBLEM = "found character '\\t' that cannot start any token"  # as PyYAML words it
+_OCTAL = re.compile(r"[-+]?0[0-9]*[1-9][0-9]*")
+_LONG_INTEGER = re.compile(rf"[-+]?[0-9]{{{MAX_DIGITS},}}")
 # Key and value without the space between them; not an address such as s3://bucket.
 _JOINED_KEY = re.compile(r"\s*(\w+):((?!//)\S+)")
 
@@ -55,20 +58,65 @@ def read_yaml(path: Path) -> JsonValue:
     ------
     ValueError : one line, with the line number for errors of syntax.
     """
-    import yaml
+    return parse_yaml(_read_text(path))
 
-    text = _read_text(path)
+
+def parse_yaml(text: str) -> JsonValue:
+    """Parse YAML text; raises ValueError as `read_yaml`."""
+    from ruamel.yaml.error import YAMLError
+
     try:
-        content: JsonValue = yaml.load(text, Loader=_loader())
+        depth = 0
+        for event in _create_yaml().parse(text):
+            depth += _depth_change(event)
+            _check_event(event, depth)
+        content: JsonValue = _create_yaml().load(text)
         return content
-    except yaml.YAMLError as error:
-        problem = getattr(error, "problem", None) or getattr(error, "reason", None) or str(error)
-        location = _error_location(error, text)
-        if problem == _TAB_PROBLEM:
-            raise ValueError(f"{location}a tab; indent and separate with spaces") from error
+    except YAMLError as error:
+        problem = " ".join(str(getattr(error, "problem", None) or getattr(error, "reason", None) or error).split())
         if joined := _find_joined_key(error, text):
             raise ValueError(joined) from error
-        raise ValueError(f"{location}not valid YAML ({' '.join(str(problem).split())}); mend that line") from error
+        location = _error_location(error, text)
+        if problem.startswith("found duplicate key"):
+            raise ValueError(f"{location}{problem}; keep one, with the keys of both") from error
+        raise ValueError(f"{location}not valid YAML ({problem}); mend that line") from error
+
+
+def find_key_line(path: Path, location: Sequence[str | int]) -> int | None:
+    """Return the line of a key or entry in a file that `read_yaml` reads, or of the last part of its location there."""
+    from ruamel.yaml.nodes import MappingNode, SequenceNode
+
+    node, line = _create_yaml().compose(_read_text(path)), None
+    for part in location:
+        if isinstance(node, MappingNode):
+            found = [(key, value) for key, value in node.value if key.value == str(part)]
+        elif isinstance(node, SequenceNode) and isinstance(part, int) and part < len(node.value):
+            found = [(node.value[part], node.value[part])]
+        else:
+            break
+        if not found:
+            break
+        key, node = found[0]
+        line = key.start_mark.line + 1
+    return line
+
+
+def format_yaml(values: Mapping[str, object]) -> str:
+    """Return values as YAML, a key a line in their order."""
+    text = io.StringIO()
+    yaml = _create_yaml()
+    yaml.default_flow_style = False
+    yaml.dump(dict(values), text)
+    return text.getvalue()
+
+
+def format_yaml_line(values: Mapping[str, object]) -> str:
+    """Return values as YAML on one line, in braces."""
+    text = io.StringIO()
+    yaml = _create_yaml()
+    yaml.default_flow_style = True
+    yaml.dump(dict(values), text)
+    return text.getvalue().strip()
 
 
 def _read_text(path: Path) -> str:
@@ -110,96 +158,68 @@ def _find_joined_key(error: Exception, text: str) -> str | None:
     return None
 
 
-class _EventSource(Protocol):
-    """Part of a YAML parser that its type stubs leave without types."""
+def _create_yaml() -> YAML:
+    from ruamel.yaml import YAML
 
-    def peek_event(self) -> yaml.AliasEvent | yaml.ScalarEvent | yaml.CollectionStartEvent:
-        """Return the event of the next node."""
-
-
-def _line_number(part: yaml.Event | yaml.Node) -> int:
-    """Return the line where a part of a file begins."""
-    assert part.start_mark is not None, "a loader marks all parts"
-    return part.start_mark.line + 1
+    yaml = YAML(typ="safe", pure=True)
+    yaml.Resolver = _core_resolver()
+    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]  # its class declares None
+    yaml.allow_unicode = True
+    yaml.width = MAX_LINE_LENGTH
+    return yaml
 
 
 @cache
-def _loader() -> type[yaml.SafeLoader]:
-    import yaml
+def _core_resolver() -> type[BaseResolver]:
+    from ruamel.yaml.resolver import BaseResolver
 
-    class Loader(yaml.SafeLoader):
-        """Strict loader: PyYAML reads YAML 1.1; this one reads the plain scalars of YAML 1.2."""
+    class CoreResolver(BaseResolver):
+        """Resolver of the plain scalars of the core schema, whatever version a file states."""
 
-        depth = 0
+        processing_version = (1, 2)
 
-        def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
-            source: _EventSource = self
-            event = source.peek_event()
-            line = _line_number(event)
-            if isinstance(event, yaml.AliasEvent):
-                raise ValueError(f"line {line}: *{event.anchor} stands for another value; write the value out")
-            if event.anchor is not None:
-                raise ValueError(f"line {line}: &{event.anchor} names a value; leave the name out")
-            if event.tag is not None:
-                tag = ascii(event.tag.replace("tag:yaml.org,2002:", "!!"))[:60]
-                raise ValueError(f"line {line}: {tag} is a tag, and tags are not read; leave it out")
-            if self.depth >= MAX_NESTING:
-                raise ValueError(f"line {line}: more than {MAX_NESTING} levels of lists or keys; no key takes as many")
-            self.depth += 1
-            try:
-                return super().compose_node(parent, index)
-            finally:
-                self.depth -= 1
+        def __init__(self, version: object = None, loader: object = None) -> None:
+            super().__init__(loader)
 
-        def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, object]:
-            first: dict[str, tuple[int, bool]] = {}
-            for key, value in node.value:
-                line = _line_number(key)
-                if not isinstance(key, yaml.ScalarNode):
-                    raise ValueError(f"line {line}: a list or keys in place of a key; write text before the colon")
-                holds_keys = isinstance(value, yaml.MappingNode)
-                if key.value in first:  # PyYAML silently takes the last one
-                    first_line, first_holds_keys = first[key.value]
-                    remedy = (
-                        f"put the keys of both under one {key.value}"
-                        if holds_keys and first_holds_keys
-                        else "remove one"
-                    )
-                    raise ValueError(f"line {line}: {key.value}: given twice (also on line {first_line}); {remedy}")
-                first[key.value] = (line, holds_keys)
-            return super().construct_mapping(node, deep=deep)
-
-    def construct_text(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> str:
-        value = loader.construct_scalar(node)
-        for character in value:
-            if what := _FORBIDDEN_CATEGORIES.get(unicodedata.category(character)):
-                line = _line_number(node)
-                raise ValueError(f"line {line}: {ascii(value)[:60]} holds {what}; write it without")
-        return str(value)
-
-    def construct_int(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> int:
-        value, line = loader.construct_scalar(node), _line_number(node)
-        if _OCTAL.fullmatch(value) and value.strip("+-0"):
-            plain = value[0].strip("0123456789+") + value.lstrip("+-0")
-            raise ValueError(
-                f"line {line}: {value[:MAX_DIGITS]} begins with 0, which some read as octal; write {plain[:MAX_DIGITS]}, "
-                "or in quotes where it is text"
-            )
-        if len(value) > MAX_DIGITS:
-            raise ValueError(f"line {line}: a number of {len(value)} digits; write one that is meant")
-        return int(value, 0) if value[:2] in ("0o", "0x") else int(value)
-
-    def construct_float(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> float:
-        value = loader.construct_scalar(node).lower()
-        return float(value.replace(".inf", "inf").replace(".nan", "nan"))
-
-    Loader.yaml_implicit_resolvers = {}
     for name, pattern, first in _CORE_SCHEMA:
         tag = f"tag:yaml.org,2002:{name}"
-        resolver = (tag, re.compile(rf"(?:{pattern})\Z"))
-        for letter in first:
-            Loader.yaml_implicit_resolvers.setdefault(letter.strip("\0"), []).append(resolver)
-    Loader.add_constructor("tag:yaml.org,2002:str", construct_text)
-    Loader.add_constructor("tag:yaml.org,2002:int", construct_int)
-    Loader.add_constructor("tag:yaml.org,2002:float", construct_float)
-    return Loader
+        CoreResolver.add_implicit_resolver_base(tag, re.compile(rf"(?:{pattern})\Z"), first)
+    return CoreResolver
+
+
+def _depth_change(event: Event) -> int:
+    from ruamel.yaml.events import CollectionEndEvent, CollectionStartEvent
+
+    return isinstance(event, CollectionStartEvent) - isinstance(event, CollectionEndEvent)
+
+
+def _check_event(event: Event, depth: int) -> None:
+    """Raise ValueError for what block files do not hold, though YAML allows it."""
+    from ruamel.yaml.events import AliasEvent, ScalarEvent
+
+    line = f"line {event.start_mark.line + 1}"
+    anchor, tag = getattr(event, "anchor", None), getattr(event, "tag", None)
+    if isinstance(event, AliasEvent):
+        raise ValueError(f"{line}: *{anchor} stands for another value; write the value out")
+    if anchor is not None:
+        raise ValueError(f"{line}: &{anchor} names a value; leave the name out")
+    if tag is not None:
+        shown = ascii(str(tag).replace("tag:yaml.org,2002:", "!!"))[:60]
+        raise ValueError(f"{line}: {shown} is a tag, and tags are not read; leave it out")
+    if depth > MAX_NESTING:
+        raise ValueError(f"{line}: more than {MAX_NESTING} levels of lists or keys; no key takes as many")
+    if isinstance(event, ScalarEvent):
+        _check_scalar(event.value, line, is_plain=event.style is None)
+
+
+def _check_scalar(value: str, line: str, *, is_plain: bool) -> None:
+    for character in value:
+        if what := _FORBIDDEN_CATEGORIES.get(unicodedata.category(character)):
+            raise ValueError(f"{line}: {ascii(value)[:60]} holds {what}; write it without")
+    if is_plain and _LONG_INTEGER.fullmatch(value):
+        raise ValueError(f"{line}: a number of {len(value)} digits; write one that is meant")
+    if is_plain and _OCTAL.fullmatch(value):
+        plain = value[0].strip("0123456789+") + value.lstrip("+-0")
+        raise ValueError(
+            f"{line}: {value} begins with 0, which some read as octal; write {plain}, or in quotes where it is text"
+        )

@@ -6,10 +6,10 @@ import json
 from pathlib import Path
 from typing import Any
 
-import yaml
 from PIL import Image
 
 from benchmarks.painter.exemplars import paint_exemplar_set
+from catalogs.block.yaml_files import format_yaml
 
 EAST, NORTH = 385_000.0, 6_671_000.0
 # Each block has one house at the street that passes all of them; a block is a square of so many metres.
@@ -37,7 +37,7 @@ def write_town(folder: Path, blocks: int) -> Path:
         "seed": 3,
         "cut": {"metres": SIDE_M},
     }
-    (folder / "town.yaml").write_text(yaml.safe_dump(keys))
+    (folder / "town.yaml").write_text(format_yaml(keys))
     return folder / "town.yaml"
 
 

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import cast
 
 import numpy as np
-import yaml
 
 from catalogs.block.block_file import BlockFileErrorContext
 from catalogs.block.building_corrections import apply_corrections_to_block, building_ids_by_correction
@@ -21,7 +20,7 @@ from catalogs.block.part import CityIndex, CityPartIds
 from catalogs.block.paths import hide_variable_values, path_keys, resolve_path
 from catalogs.block.reader import build_block, city_part_file_values, read_block, set_digest
 from catalogs.block.settings import replace_settings
-from catalogs.block.yaml_files import read_yaml
+from catalogs.block.yaml_files import format_yaml, read_yaml
 from catalogs.city.keys import CityFileSettings, validate_city_settings
 from catalogs.city.partition import CityBlockIds, halo_radius, partition_city
 from catalogs.printable_text import format_count
@@ -106,7 +105,7 @@ def partition_city_file(
         named = rest | {"name": _block_name(keys.name, cut.name), "part": {"path": extract, "city": city}}
         part = whole.extract_part(chosen)
         write_city_part_file(folder / extract, city_part_file_values(part, whole.block))
-        _write_if_changed(block_file, yaml.safe_dump(named, sort_keys=False, allow_unicode=True))
+        _write_if_changed(block_file, format_yaml(named))
         part = replace(part, settings=replace_settings(part.settings, name=named["name"]))
         block = set_digest(apply_corrections_to_block(part, corrections), file)
         counts, place = block_counts_from_map(block), place_block(block)

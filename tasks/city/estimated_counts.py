@@ -9,10 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from catalogs.block.block_file import BlockFileErrorContext
-from catalogs.block.key_faults import validate_block_settings
+from catalogs.block.key_faults import read_block_settings
 from catalogs.block.part import CityIndex, CityPartIds
 from catalogs.block.reader import Block, build_block
-from catalogs.block.yaml_files import read_yaml
 from catalogs.city.keys import uses_default_partition
 from catalogs.city.partition import CityBlockIds, partition_city
 from catalogs.printable_text import format_count
@@ -95,7 +94,7 @@ def estimate_counts(path: Path, notify: Notify = lambda step: None) -> Estimated
 def _read_map(path: Path) -> Block:
     """Read a block file without its corrections and digest, which hashes every picture."""
     try:
-        keys = validate_block_settings(read_yaml(path))
+        keys = read_block_settings(path)
     except ValueError as error:
         raise BlockFileError(f"{path}: {error}") from error
     return build_block(keys, BlockFileErrorContext(path))

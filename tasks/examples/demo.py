@@ -7,7 +7,7 @@ import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import yaml
+from catalogs.block.yaml_files import format_yaml
 
 if TYPE_CHECKING:
     from catalogs.block import Block
@@ -90,5 +90,5 @@ def write_block_file(path: Path, exemplar_folder: Path, *, photos: bool) -> None
         "seed": SEED,
     }
     temporary = path.with_suffix(".tmp")
-    temporary.write_text(yaml.safe_dump(block, sort_keys=False, allow_unicode=True), encoding="utf-8")
+    temporary.write_text(format_yaml(block), encoding="utf-8")
     temporary.rename(path)

@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from catalogs.block.geometry import SWAPPED_AXES_NOTE
 from catalogs.block.keys import suggest_name
 from catalogs.block.reader import Block, read_block
 from catalogs.block.settings import replace_settings
+from catalogs.block.yaml_files import format_yaml
 from catalogs.buildings.densest_square import densest_building_square, square_bounds
 from catalogs.buildings.extents import Bounds
 from catalogs.crs import LONLAT, coordinate_transform, note_outside_area_of_use, parse_crs
@@ -383,7 +383,7 @@ def _densest_bounds(geometry: MapFiles, size: float) -> Bounds:
 
 
 def _read_draft(draft: Path, keys: JsonObject, options: Mapping[str, str]) -> Block:
-    draft.write_text(yaml.safe_dump(keys, sort_keys=False, allow_unicode=True), encoding="utf-8")
+    draft.write_text(format_yaml(keys), encoding="utf-8")
     try:
         return read_block(draft)
     except BlockFileError as error:  # users know the command's options, not the draft's keys

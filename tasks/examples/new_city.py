@@ -7,10 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import yaml
-
 from catalogs.block.keys import suggest_name
 from catalogs.block.paths import resolve_paths
+from catalogs.block.yaml_files import parse_yaml
 from catalogs.city.keys import DEFAULT_BLOCK_SIZE_M, CityFileSettings, validate_city_settings
 from facade_core.core.errors import InputError
 from tasks.examples.new_block import MapFiles, given_streets_frame, path_in_block_file, write_style_library
@@ -95,7 +94,7 @@ def write_new_city(path: Path, inputs: CityInputs) -> CityFileSettings:
         raise InputError(f"{path} is there already; name another file, or remove it")
     text = format_city_file(path, inputs)
     try:
-        settings = validate_city_settings(yaml.safe_load(text), path)
+        settings = validate_city_settings(parse_yaml(text), path)
         assert isinstance(settings, CityFileSettings)
         path.parent.mkdir(parents=True, exist_ok=True)
         if inputs.exemplars is None and not (path.parent / "exemplars").exists():

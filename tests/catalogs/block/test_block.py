@@ -87,7 +87,11 @@ def test_streets_by_name_photos_by_facade_and_a_named_frame(read: Read, folder: 
         ),
         ("texture: {panorama_width: 1023}", {}, "texture.panorama_width: must be even"),
         ("seed: 1.5", {}, "seed: 1.5 is not a whole number"),
-        ("seed: 1\nseed: 2", {}, "line 7: seed: given twice (also on line 6); remove one"),
+        (
+            "seed: 1\nseed: 2",
+            {},
+            'line 7, column 1: found duplicate key "seed" with value "2" (original value: "1"); keep one',
+        ),
         ("storey: [", {}, "line 6"),
         ("x: !!python/object:os.system 1", {}, "is a tag, and tags are not read; leave it out"),
         ("crs: EPSG:99999", {}, "crs: 'EPSG:99999' is not a known CRS"),
