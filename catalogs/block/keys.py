@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from datetime import date
 from typing import Annotated, Literal, TypeAlias
 
 from pydantic import AfterValidator, ConfigDict, Field
@@ -52,6 +53,14 @@ def _check_encoding(name: str) -> str:
     return name
 
 
+def _check_date(text: str) -> str:
+    try:
+        date.fromisoformat(text)
+    except ValueError:
+        raise ValueError("is no day of the calendar; write one such as 2023-05-01") from None
+    return text
+
+
 def _float_range(low: float, high: float) -> FieldInfo:
     bounds: FieldInfo = Field(strict=True, ge=low, le=high, allow_inf_nan=False)
     return bounds
@@ -66,6 +75,7 @@ Text: TypeAlias = Annotated[str, Field(min_length=1)]
 Texts: TypeAlias = Annotated[list[str], Field(min_length=1)]
 # Code page of the text of Shapefiles.
 Encoding: TypeAlias = Annotated[str, Field(min_length=1, max_length=40), AfterValidator(_check_encoding)]
+Date: TypeAlias = Annotated[str, AfterValidator(_check_date)]
 Offset: TypeAlias = Annotated[list[Annotated[float, _float_range(-1e8, 1e8)]], Field(min_length=3, max_length=3)]
 Area: TypeAlias = Annotated[list[float], Field(min_length=4, max_length=4), AfterValidator(_check_area)]
 
@@ -317,6 +327,14 @@ class PanoramasSection(Section):
             "pictures.",
             default="from the pictures",
             path=PathKind.FILE,
+        ),
+    ] = None
+    since: Annotated[
+        Date | None,
+        Key(
+            "Panoramas captured before this day, such as `2023-05-01`, are left out, with a note; those without a date are "
+            "kept.",
+            default="all",
         ),
     ] = None
 

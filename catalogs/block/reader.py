@@ -233,8 +233,15 @@ def _read_posed_pictures(
         from catalogs.readers.pictures.panoramas import read_panoramas
 
         poses = files.get("imagery.panoramas.poses", (None,))[0]
+        assert keys.imagery.panoramas is not None
         found = file.call_reader(
-            "imagery.panoramas", read_panoramas, files["imagery.panoramas.path"][0], poses, frame, extent
+            "imagery.panoramas",
+            read_panoramas,
+            files["imagery.panoramas.path"][0],
+            poses,
+            frame,
+            extent,
+            keys.imagery.panoramas.since,
         )
         pictures, heights = correct(found.items)
         faults = found.faults

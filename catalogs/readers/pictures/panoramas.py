@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from pyproj import CRS, Transformer
 
 _OUTDATED_REASON = (
-    "panoramas taken more than a year before others beside them; `changed` tells of facades, ground shows all of them"
+    "panoramas taken more than a year before others beside them; `changed` tells of facades, ground shows all of them "
+    "(imagery.panoramas.since leaves old ones out)"
 )
 _DISTANT_REASON = (
     "panoramas skipped that lie far from the buildings; check the order of x and y (east first), of lon and lat, "
@@ -63,7 +64,11 @@ class PosedPanoramas:
 
 
 def read_panoramas(
-    folder: Path, poses: Path | None, crs: CRS, bounds: tuple[float, float, float, float] | None = None
+    folder: Path,
+    poses: Path | None,
+    crs: CRS,
+    bounds: tuple[float, float, float, float] | None = None,
+    since: str | None = None,
 ) -> PosedPanoramas:
     """Read the posed panoramas of a folder in the frame of a block.
 
@@ -79,6 +84,7 @@ def read_panoramas(
     poses : poses file in a format of read_poses_file, or None.
     crs : frame of the block.
     bounds : (xmin, ymin, xmax, ymax) in the frame, metres; None for no limit.
+    since : day such as "2023-05-01"; panoramas captured before it are left out with a remark, those without a date are kept.
 
     Returns
     -------
@@ -109,6 +115,10 @@ def read_panoramas(
         example = next(iter(reader.sources))
         reason = f"none of the pictures it names (e.g. {example}) is in {folder}; name files as they are there"
         faults.append(Fault(poses.name, "panorama", f"{poses.name}: {reason}"))
+    if first_day := _parse_date(since):
+        older = {one.id for one in items if (day := _parse_date(one.captured)) and day < first_day}
+        reader.remarks += [Remark(id, f"panoramas from before {first_day} left out", None) for id in sorted(older)]
+        items = [one for one in items if one.id not in older]
     return PosedPanoramas(tuple(items), tuple(faults), (*reader.remarks, *outdated_remarks(items)))
 
 

@@ -13,11 +13,12 @@ from PIL.TiffImagePlugin import IFDRational
 from pyproj import CRS, Proj, Transformer
 from scipy.spatial.transform import Rotation
 
+from catalogs.block.reader import read_block
 from catalogs.readers.pictures import panoramas
 from catalogs.readers.pictures.folders import list_images, photos_by_facade
 from catalogs.readers.pictures.panoramas import read_panoramas
 from catalogs.readers.pictures.poses import read_poses_file
-from facade_core.core.errors import InputError
+from facade_core.core.errors import BlockFileError, InputError
 
 RD = CRS.from_epsg(28992)
 UTM = CRS.from_epsg(32632)
@@ -370,6 +371,34 @@ def test_pictures_of_one_place_far_apart_in_time_are_told(folder: Path, east: fl
     assert len(found.items) == 2
     noted = ["old of 2021-05-01 near new of 2024-05-01"] if told else ["captured"] if day == "once" else []
     assert [one.id for one in found.remarks] == noted
+
+
+def test_a_block_leaves_out_panoramas_from_before_a_day(folder: Path) -> None:
+    days = {"new": "2024-05-01", "old": "2021-05-01", "undated": None}
+    for size, name in enumerate(days, 1):
+        picture(folder / f"{name}.jpg", size=(64 * size, 32 * size))
+    place = {"x": EAST, "y": NORTH, "heading": 0}
+    poses_file(
+        folder, {"crs": UTM.to_string(), "poses": {name: place | {"captured": day} for name, day in days.items()}}
+    )
+    ring = [[EAST + x, NORTH + y] for x, y in ((5, 0), (15, 0), (15, 8), (5, 8), (5, 0))]
+    house = {"type": "Feature", "properties": {"height": 9}, "geometry": {"type": "Polygon", "coordinates": [ring]}}
+    buildings = folder.parent / "houses.geojson"
+    buildings.write_text(json.dumps({"type": "FeatureCollection", "features": [house]}))
+    kept = {}
+    for since in ("", ", since: 2021-05-01", ", since: 2022-01-01"):
+        block_file = folder.parent / "block.yaml"
+        block_file.write_text(
+            f"name: a\ncrs: {UTM}\nbuildings: {{path: houses.geojson, crs: '{UTM}'}}\ntexture: {{walls: translate}}\n"
+            f"imagery: {{panoramas: {{path: panoramas, poses: panoramas/poses.json{since}}}}}\n"
+        )
+        block = read_block(block_file)
+        kept[since] = [one.id for one in block.panoramas]
+    assert list(kept.values()) == [["new", "old", "undated"], ["new", "old", "undated"], ["new", "undated"]]
+    assert "panoramas from before 2022-01-01 left out: 1 (old)" in block.notes
+    block_file.write_text(block_file.read_text().replace("2022-01-01", "2022-13-01"))
+    with pytest.raises(BlockFileError, match=r"line 5: imagery\.panoramas\.since: is no day of the calendar"):
+        read_block(block_file)
 
 
 def test_a_pose_without_a_heading_is_named(tmp_path: Path) -> None:
