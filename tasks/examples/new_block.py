@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import shutil
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -387,7 +388,8 @@ def _read_draft(draft: Path, keys: JsonObject, options: Mapping[str, str]) -> Bl
     try:
         return read_block(draft)
     except BlockFileError as error:  # users know the command's options, not the draft's keys
-        key, _, problem = str(error).removeprefix(f"{draft}: ").partition(": ")
+        fault = re.sub(r"^line \d+: ", "", str(error).removeprefix(f"{draft}: "))  # of the draft, which is gone then
+        key, _, problem = fault.partition(": ")
         raise InputError(f"{options.get(key, key)}: {problem}") from error
 
 
