@@ -7,16 +7,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from facade_core.core.arrays import Float64Array
+from facade_core.imagery.rectify.settings import CORNER
 from facade_core.imagery.rectify.vanishing import FacadeCamera, level_agreement, undistort
-
-# Smallest angle in degrees between the two facades of a corner.
-MIN_CORNER_DEG = 35.0
-# Largest yaw in degrees of the second facade.
-MAX_SECOND_YAW_DEG = 84.0
-# Smallest share that the second facade has of the length of both facades' level lines,
-MIN_SECOND_SHARE = 0.2
-# and smallest share of this length that lies on its own facade's side of the corner.
-MIN_SEPARATED_SHARE = 0.85
 
 
 class Corner(NamedTuple):
@@ -42,15 +34,15 @@ def find_corner(segments: Float64Array, view: FacadeCamera) -> Corner | None:
     """
     straight = undistort(segments, view.distortion)
     lengths = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
-    yaws = np.radians(np.arange(-MAX_SECOND_YAW_DEG, MAX_SECOND_YAW_DEG + 0.5, 2.0))
+    yaws = np.radians(np.arange(-CORNER.max_second_yaw_deg, CORNER.max_second_yaw_deg + 0.5, 2.0))
     directions, agreement = level_agreement(straight, view, yaws)
     agreement[view.family >= 0] = 0
     cosine = np.abs(directions @ view.rotation[:, 0])
-    scores = np.where(cosine < np.cos(np.radians(MIN_CORNER_DEG)), lengths @ agreement, 0.0)
+    scores = np.where(cosine < np.cos(np.radians(CORNER.min_corner_deg)), lengths @ agreement, 0.0)
     second = agreement[:, int(scores.argmax())] > 0
     first = view.family == 0
     length = np.where(first | second, lengths, 0.0)
-    if length[second].sum() < MIN_SECOND_SHARE * length.sum():
+    if length[second].sum() < CORNER.min_second_share * length.sum():
         return None
     rays = np.concatenate([straight.mean(axis=1) / view.focal, np.ones((len(segments), 1))], axis=1) @ view.rotation
     angle = np.arctan2(rays[:, 0], rays[:, 2])
@@ -60,7 +52,7 @@ def find_corner(segments: Float64Array, view: FacadeCamera) -> Corner | None:
     # of the first facade left of a split and of the second right of it, and the other way round
     on_right = (signed + length[second].sum()) / length.sum()
     k = int(on_right.argmax() if on_right.max() > 1 - on_right.min() else on_right.argmin())
-    if max(on_right[k], 1 - on_right[k]) < MIN_SEPARATED_SHARE or k + 1 >= len(order):
+    if max(on_right[k], 1 - on_right[k]) < CORNER.min_separated_share or k + 1 >= len(order):
         return None
     split = (angle[order[k]] + angle[order[k + 1]]) / 2
     return Corner(float(np.tan(split)), "right" if on_right[k] > 0.5 else "left") if abs(split) < np.pi / 2 else None

@@ -10,45 +10,12 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float64Array, UInt8Array
 from facade_core.core.types import Box
+from facade_core.imagery.rectify.settings import CROP
 from facade_core.parsing.segmentation import Segmentation
 from facade_core.parsing.segmenter import facade_surroundings_mask
 
-# A facade that covers less of its picture is rejected: the picture stays whole.
-MIN_FACADE_SHARE = 0.25
-# Cells per side of the grid on which the box is searched.
-GRID_CELLS = 192
-# Street at the foot of a column covers at most this share of the height. The parser takes bare walls as a whole
-# for neighbours.
-MAX_STREET_SHARE = 0.25
-# Street is accepted if this share of the columns has it: the parser takes plinths for street in places.
-MIN_STREET_COLUMNS = 0.3
 # Share of the height (turned: of the width) up to which a run from the top, the right and the left is beyond the wall.
 MAX_BEYOND_SHARE = {0: 0.5, 1: 0.25, 3: 0.25}
-# Step of brightness at the skyline in grey levels, over this share of the side.
-MIN_SKYLINE_STEP = 25.0
-STEP_REACH_SHARE = 0.01
-# Least grey level of all channels of an overcast sky; excess of blue over red, and least blue, of a clear one.
-MIN_OVERCAST_GREY = 225
-MIN_BLUE = 20
-MIN_BLUE_GREY = 150
-# Pixels at the border of a rectified wall that mix with what is beside it.
-BORDER_RIM_PIXELS = 2
-# Share of the columns that must have such a step.
-MIN_SKYLINE_COLUMNS = 0.08
-# Clear sky beside a wall begins this near to its top and its side, is so high and at most so wide: shares of the sides. Panes
-# that reflect it are lower, and end below the top.
-SKY_RIM_SHARE = 0.03
-MIN_SKY_HEIGHT_SHARE = 0.2
-MAX_SKY_WIDTH_SHARE = 0.25
-# The inner edge of such sky is the wall's own where nine tenths of it are within this share of the width: the wall ends there
-# below the sky too.
-MAX_EDGE_SPREAD_SHARE = 0.015
-# A side whose edge is upright and found in this share of the rows ends there in all rows, where at most this share of them goes
-# on beyond it: the parser takes bare walls for neighbours up to their windows, and between these farther.
-MIN_EDGE_ROWS = 0.3
-MAX_PAST_ROWS = 0.1
-# Value of hidden pixels for the box, which keeps them if that costs nothing.
-_HIDDEN_VALUE = 1e-4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -138,12 +105,16 @@ def _clear_sky_beside_wall(image: UInt8Array, hidden: BoolArray) -> BoolArray:
     count, parts, boxes, _ = cv2.connectedComponentsWithStats(sky, connectivity=8)
     for part in range(1, count):
         left, top, wide, high = boxes[part, :4]
-        if top > SKY_RIM_SHARE * height or high < MIN_SKY_HEIGHT_SHARE * height or wide > MAX_SKY_WIDTH_SHARE * width:
+        if (
+            top > CROP.sky_rim_share * height
+            or high < CROP.min_sky_height_share * height
+            or wide > CROP.max_sky_width_share * width
+        ):
             continue
         is_sky = cv2.dilate((parts == part).astype(np.uint8), np.ones((5, 5), np.uint8)).astype(bool)
-        if left <= SKY_RIM_SHARE * width:
+        if left <= CROP.sky_rim_share * width:
             found |= _outside_edge(is_sky[:, ::-1])[:, ::-1]
-        if width - left - wide <= SKY_RIM_SHARE * width:
+        if width - left - wide <= CROP.sky_rim_share * width:
             found |= _outside_edge(is_sky)
     return found
 
@@ -153,7 +124,7 @@ def _outside_edge(is_sky: BoolArray) -> BoolArray:
     outside: BoolArray = np.logical_or.accumulate(is_sky, axis=1)
     edge = is_sky.argmax(axis=1)[is_sky.any(axis=1)]
     low, middle, high = np.quantile(edge, (0.1, 0.5, 0.9))
-    if high - low <= MAX_EDGE_SPREAD_SHARE * is_sky.shape[1]:
+    if high - low <= CROP.max_edge_spread_share * is_sky.shape[1]:
         outside[:, round(float(middle)) :] = True
     return outside
 
@@ -163,20 +134,20 @@ def _street_below_wall(outside: BoolArray, hidden: BoolArray) -> BoolArray:
     street = outside[::-1]
     is_run = np.logical_and.accumulate(street | hidden[::-1], axis=0)
     length = is_run.sum(axis=0)
-    length[(length > MAX_STREET_SHARE * len(street)) | ~(is_run & street).any(axis=0)] = 0
-    if (length > 0).sum() < MIN_STREET_COLUMNS * (~hidden.all(axis=0)).sum():
+    length[(length > CROP.max_street_share * len(street)) | ~(is_run & street).any(axis=0)] = 0
+    if (length > 0).sum() < CROP.min_street_columns * (~hidden.all(axis=0)).sum():
         return np.zeros_like(hidden)
     return np.asarray((np.arange(len(street))[::-1, None] < length) & ~hidden)
 
 
 def _looks_like_sky(image: UInt8Array) -> BoolArray:
     """Mask the pixels (h, w) that are as bright as an overcast sky, or bright and blue."""
-    return np.asarray((image.min(axis=2) >= MIN_OVERCAST_GREY) | _is_blue(image))
+    return np.asarray((image.min(axis=2) >= CROP.min_overcast_grey) | _is_blue(image))
 
 
 def _is_blue(image: UInt8Array) -> BoolArray:
     red, blue = image[..., 0].astype(np.int16), image[..., 2].astype(np.int16)
-    return np.asarray((blue - red >= MIN_BLUE) & (blue >= MIN_BLUE_GREY))
+    return np.asarray((blue - red >= CROP.min_blue) & (blue >= CROP.min_blue_grey))
 
 
 def _beyond_skyline(outside: BoolArray, hidden: BoolArray, grey: Float64Array, max_share: float) -> BoolArray:
@@ -189,8 +160,8 @@ def _beyond_skyline(outside: BoolArray, hidden: BoolArray, grey: Float64Array, m
     max_share : share of the height at which a run is the wall, taken for a neighbour.
     """
     height, width = outside.shape
-    reach = max(4, round(STEP_REACH_SHARE * height))
-    is_rim = np.arange(height)[:, None] < BORDER_RIM_PIXELS
+    reach = max(4, round(CROP.step_reach_share * height))
+    is_rim = np.arange(height)[:, None] < CROP.border_rim_pixels
     is_run = np.logical_and.accumulate(outside | hidden | is_rim, axis=0)
     length = is_run.sum(axis=0)
     sums = np.concatenate([np.zeros((1, width)), np.cumsum(grey, axis=0)])
@@ -198,9 +169,9 @@ def _beyond_skyline(outside: BoolArray, hidden: BoolArray, grey: Float64Array, m
     ends = np.clip(length, reach, max(reach, height - 2 * reach))  # the step itself is blurred
     above = sums[ends, column] - sums[ends - reach, column]
     below = sums[ends + 2 * reach, column] - sums[ends + reach, column]
-    is_valid = (np.abs(above - below) >= MIN_SKYLINE_STEP * reach) & (is_run & outside).any(axis=0)
+    is_valid = (np.abs(above - below) >= CROP.min_skyline_step * reach) & (is_run & outside).any(axis=0)
     is_valid &= (length > 0) & (length <= max_share * height)
-    if height <= 3 * reach or is_valid.sum() < MIN_SKYLINE_COLUMNS * width:
+    if height <= 3 * reach or is_valid.sum() < CROP.min_skyline_columns * width:
         return np.zeros_like(outside)
     return np.asarray(np.arange(height)[:, None] < np.where(is_valid, length + reach, 0))
 
@@ -215,12 +186,12 @@ def _beyond_upright_edge(found: BoolArray, outside: BoolArray, hidden: BoolArray
     """
     height = len(found)
     length = found.sum(axis=0)
-    if (length > 0).mean() < MIN_EDGE_ROWS:
+    if (length > 0).mean() < CROP.min_edge_rows:
         return found
     low, middle, high = np.quantile(length[length > 0], (0.1, 0.5, 0.9))
-    past = min(height - 1, round(float(middle) + MAX_EDGE_SPREAD_SHARE * height) + 1)
-    goes_on = (outside | hidden)[BORDER_RIM_PIXELS : past + 1].all(axis=0) & ~hidden[past]
-    if high - low > MAX_EDGE_SPREAD_SHARE * height or goes_on.mean() > MAX_PAST_ROWS:
+    past = min(height - 1, round(float(middle) + CROP.max_edge_spread_share * height) + 1)
+    goes_on = (outside | hidden)[CROP.border_rim_pixels : past + 1].all(axis=0) & ~hidden[past]
+    if high - low > CROP.max_edge_spread_share * height or goes_on.mean() > CROP.max_past_rows:
         return found
     return np.asarray(found | (np.arange(height)[:, None] < round(float(middle))))
 
@@ -228,7 +199,7 @@ def _beyond_upright_edge(found: BoolArray, outside: BoolArray, hidden: BoolArray
 def find_facade_box(outside: BoolArray, hidden: BoolArray) -> Box | None:
     """Find the box in which facade pixels outnumber outside pixels by most.
 
-    Compares all boxes on a grid of GRID_CELLS x GRID_CELLS: the best run of columns (Kadane) for each pair of rows.
+    Compares all boxes on a grid of CROP.grid_cells x CROP.grid_cells: the best run of columns (Kadane) for each pair of rows.
 
     Parameters
     ----------
@@ -237,17 +208,17 @@ def find_facade_box(outside: BoolArray, hidden: BoolArray) -> Box | None:
 
     Returns
     -------
-    x0, y0, x1, y1; None if the box covers less than MIN_FACADE_SHARE of the picture.
+    x0, y0, x1, y1; None if the box covers less than CROP.min_facade_share of the picture.
     """
     import cv2
 
     height, width = outside.shape
-    size = (min(width, GRID_CELLS), min(height, GRID_CELLS))
+    size = (min(width, CROP.grid_cells), min(height, CROP.grid_cells))
     outside_share, hidden_share = (
         cv2.resize(mask.astype(np.uint8) * 255, size, interpolation=cv2.INTER_AREA) / 255.0
         for mask in (outside & ~hidden, hidden)
     )
-    value = (1 - hidden_share) - 2 * outside_share + _HIDDEN_VALUE * hidden_share
+    value = (1 - hidden_share) - 2 * outside_share + CROP.hidden_value * hidden_share
     cumulative = np.concatenate([np.zeros((1, size[0])), np.cumsum(value, axis=0)])
     best, best_box = 0.0, None
     for top in range(size[1]):
@@ -262,7 +233,7 @@ def find_facade_box(outside: BoolArray, hidden: BoolArray) -> Box | None:
         return None
     x0, x1 = (round(x * width / size[0]) for x in best_box[::2])
     y0, y1 = (round(y * height / size[1]) for y in best_box[1::2])
-    return (x0, y0, x1, y1) if (y1 - y0) * (x1 - x0) >= MIN_FACADE_SHARE * outside.size else None
+    return (x0, y0, x1, y1) if (y1 - y0) * (x1 - x0) >= CROP.min_facade_share * outside.size else None
 
 
 def _touching_border(outside: BoolArray) -> BoolArray:

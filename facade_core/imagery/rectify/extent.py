@@ -6,37 +6,8 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float64Array, IntArray
 from facade_core.imagery.rectify.corner import Corner
+from facade_core.imagery.rectify.settings import EXTENT
 from facade_core.imagery.rectify.vanishing import FacadeCamera, undistort
-
-# Cells along the photo's diagonal.
-GRID_CELLS = 96
-# Cells that a facade continues between two of its lines.
-MAX_GAP_CELLS = 9
-# Where the wall's level lines are a smaller share of all lines but vertical ones, another wall is seen.
-MIN_LEVEL_SHARE = 0.25
-# Parts of the wall, between trees, count if they have this share of the largest part's lines.
-MIN_PART_SHARE = 0.05
-# Share of all lines but vertical ones that are level lines of the wall; a street seen along its length has
-# less.
-MIN_LEVEL_LINE_SHARE = 0.05
-# Lines between the facade's sides within this angle of the level on its plane belong to it too.
-MAX_LEVEL_DEG = 4.0
-# Lines of each axis that a facade needs.
-MIN_LINES = 12
-# Share of the lines' length at each side that may be outside the facade.
-STRAY_SHARE = 0.002
-# Margin around the outermost lines, as a share of the extent,
-MARGIN = 0.03
-# and above them: roofs and chimneys have few lines.
-ROOF_MARGIN = 0.08
-# Narrower strips of the photo are not cut off.
-MIN_CUT_SHARE = 0.06
-# Pixels seen farther from the wall's normal, in degrees, are too stretched.
-MAX_OBLIQUITY_DEG = 77.0
-# A photo whose corners move less than this, in half diagonals, is already rectified and stays whole
-MAX_RECTIFIED_SHIFT = 0.07
-# if its lines cover this share of it; else it shows more than the facade.
-MIN_COVERED_SHARE = 0.6
 
 
 def facade_extent(
@@ -62,7 +33,7 @@ def facade_extent(
     limit = np.concatenate([grid.min(axis=0), grid.max(axis=0)])
     lengths = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
     is_clustered = _clustered_segments(segments, view.family)
-    if lengths[is_clustered & (view.family == 0)].sum() < MIN_LEVEL_LINE_SHARE * lengths[view.family != 1].sum():
+    if lengths[is_clustered & (view.family == 0)].sum() < EXTENT.min_level_line_share * lengths[view.family != 1].sum():
         return None
     ends = project_to_plane(segments, view)
     box = _trimmed_box(ends[is_clustered], lengths[is_clustered])
@@ -76,10 +47,10 @@ def facade_extent(
     size = box[2:] - box[:2]
     if (size <= 0).any():
         return None
-    box += np.array([-MARGIN, -ROOF_MARGIN, MARGIN, MARGIN]) * np.tile(size, 2)
-    box = np.where(np.abs(limit - box) < MIN_CUT_SHARE * np.tile(size, 2), limit, box)
+    box += np.array([-EXTENT.margin, -EXTENT.roof_margin, EXTENT.margin, EXTENT.margin]) * np.tile(size, 2)
+    box = np.where(np.abs(limit - box) < EXTENT.min_cut_share * np.tile(size, 2), limit, box)
     full = _full_extent(view, corners)
-    if full is not None and np.prod(size) > MIN_COVERED_SHARE * (full[2] - full[0]) * (full[3] - full[1]):
+    if full is not None and np.prod(size) > EXTENT.min_covered_share * (full[2] - full[0]) * (full[3] - full[1]):
         x0, y0, x1, y1 = full
     else:
         x0, y0 = np.maximum(box[:2], limit[:2]).tolist()
@@ -105,7 +76,7 @@ def project_to_plane(points: Float64Array, view: FacadeCamera) -> Float64Array:
     rays = np.concatenate([straight / view.focal, np.ones((*points.shape[:-1], 1))], axis=-1)
     facing = rays @ view.rotation
     depth = facing[..., 2:]
-    seen = depth > np.cos(np.radians(MAX_OBLIQUITY_DEG)) * np.linalg.norm(rays, axis=-1, keepdims=True)
+    seen = depth > np.cos(np.radians(EXTENT.max_obliquity_deg)) * np.linalg.norm(rays, axis=-1, keepdims=True)
     return np.where(seen, facing[..., :2] / np.where(seen, depth, 1.0), np.nan)
 
 
@@ -117,7 +88,7 @@ def _full_extent(view: FacadeCamera, corners: Float64Array) -> tuple[float, floa
     # scale and shift that move the corners closest to their original positions
     centred, original = projected - projected.mean(axis=0), corners - corners.mean(axis=0)
     scale = (centred * original).sum() / (centred**2).sum()
-    if np.linalg.norm(centred * scale - original, axis=1).max() > MAX_RECTIFIED_SHIFT:
+    if np.linalg.norm(centred * scale - original, axis=1).max() > EXTENT.max_rectified_shift:
         return None
     left, right = projected[[0, 3], 0].mean(), projected[[1, 2], 0].mean()
     top, bottom = projected[[0, 1], 1].mean(), projected[[2, 3], 1].mean()
@@ -146,7 +117,7 @@ def _include_nearly_level(families: IntArray, ends: Float64Array, box: Float64Ar
     The camera is less exact towards the photo's border: lines of the topmost storeys may miss the vanishing point.
     """
     across, down = np.abs(ends[:, 1] - ends[:, 0]).T
-    is_level = down < np.tan(np.radians(MAX_LEVEL_DEG)) * across
+    is_level = down < np.tan(np.radians(EXTENT.max_level_deg)) * across
     return np.where((families == -1) & is_level & _is_between(ends, box), 0, families)
 
 
@@ -155,7 +126,7 @@ def _clustered_segments(segments: Float64Array, families: IntArray) -> BoolArray
     import cv2
 
     low = segments.reshape(-1, 2).min(axis=0)
-    cell = 2.0 / GRID_CELLS
+    cell = 2.0 / EXTENT.grid_cells
     rows, columns = (np.ceil((segments.reshape(-1, 2).max(axis=0) - low) / cell).astype(int) + 1)[::-1]
     places = np.round((segments - low) / cell).astype(np.int32)
     lengths = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
@@ -165,24 +136,30 @@ def _clustered_segments(segments: Float64Array, families: IntArray) -> BoolArray
         in_family = families == family
         lines = np.zeros((rows, columns), np.uint8)
         cv2.polylines(lines, list(places[in_family]), False, 1)
-        near.append(cv2.dilate(lines, np.ones((MAX_GAP_CELLS, MAX_GAP_CELLS), np.uint8)))
+        near.append(cv2.dilate(lines, np.ones((EXTENT.max_gap_cells, EXTENT.max_gap_cells), np.uint8)))
         amount = np.zeros((rows, columns))
         np.add.at(amount, (middle[in_family, 1], middle[in_family, 0]), lengths[in_family])
         total.append(
-            cv2.boxFilter(amount, -1, (MAX_GAP_CELLS, MAX_GAP_CELLS), normalize=False, borderType=cv2.BORDER_CONSTANT)
+            cv2.boxFilter(
+                amount,
+                -1,
+                (EXTENT.max_gap_cells, EXTENT.max_gap_cells),
+                normalize=False,
+                borderType=cv2.BORDER_CONSTANT,
+            )
         )
     # Walls of other directions share the vertical with this one: only level lines distinguish them. A small facade in
     # clutter has too few of them anywhere.
     shared = np.logical_and(near[0], near[1])
     is_clustered = np.zeros(len(segments), np.bool_)
-    for share in (MIN_LEVEL_SHARE, 0.0):
+    for share in (EXTENT.min_level_share, 0.0):
         region = shared & (total[0] >= share * (total[0] + total[2]))
         count, labels, _, _ = cv2.connectedComponentsWithStats(region.astype(np.uint8))
         in_family = labels[middle[:, 1], middle[:, 0]]
         within = (families >= 0) & (in_family > 0)
         support = np.bincount(in_family, lengths * within, minlength=count)
-        is_clustered = within & (support >= MIN_PART_SHARE * support.max())[in_family]
-        if min(np.bincount(families[is_clustered], minlength=2)) >= MIN_LINES:
+        is_clustered = within & (support >= EXTENT.min_part_share * support.max())[in_family]
+        if min(np.bincount(families[is_clustered], minlength=2)) >= EXTENT.min_lines:
             break
     return is_clustered
 
@@ -191,7 +168,7 @@ def _trimmed_range(values: Float64Array, weight: Float64Array) -> Float64Array:
     """Range of the values (n,) without a stray share of the weight at each end."""
     order = np.argsort(values, kind="stable")
     share = np.cumsum(weight[order]) / weight.sum()
-    first, last = np.searchsorted(share, [STRAY_SHARE, 1 - STRAY_SHARE])
+    first, last = np.searchsorted(share, [EXTENT.stray_share, 1 - EXTENT.stray_share])
     return values[order[[first, min(last, len(values) - 1)]]]
 
 

@@ -12,27 +12,9 @@ from facade_core.core.errors import ImageError
 from facade_core.imagery.rectify.corner import find_corner
 from facade_core.imagery.rectify.extent import facade_extent
 from facade_core.imagery.rectify.line_segments import detect_segments_in_grey
+from facade_core.imagery.rectify.settings import RECTIFICATION
 from facade_core.imagery.rectify.vanishing import FacadeCamera, distort, find_facade_camera
 from facade_core.parsing.validation import check_image
-
-# Longer side in pixels at which lines are detected.
-WORKING_SIDE = 1500
-# Shortest line, as a share of the half diagonal.
-MIN_LINE_LENGTH = 0.02
-# Smallest side of a photo in pixels.
-MIN_PHOTO_SIDE = 64
-# Segments that each axis of a facade needs.
-MIN_SEGMENTS = 8
-# Share of the lines' length that must follow the two axes.
-MIN_AXIS_SHARE = 0.3
-# Median angle in degrees between the lines and the axes of the result at most.
-MAX_RESIDUAL_DEG = 1.0
-# Largest ratio between area scales within the result.
-MAX_AREA_RATIO = 60.0
-# Pixels of the result over pixels of the photo at most.
-MAX_PIXEL_RATIO = 1.5
-# Longest side of the result in pixels.
-MAX_RESULT_SIDE = 8192
 
 REMEDY = "take it from nearer the front, with the whole facade in view, or leave it out"
 
@@ -77,16 +59,16 @@ def rectify(photo: UInt8Array, *, focal: float | None = None) -> Rectified:
         If the image is of another kind, or no facade can be rectified reliably; the message gives the reason.
     """
     check_image(photo)
-    if min(photo.shape[:2]) < MIN_PHOTO_SIDE:
+    if min(photo.shape[:2]) < RECTIFICATION.min_photo_side:
         raise ImageError(
-            f"photo: {photo.shape[1]} x {photo.shape[0]} pixels are too few; give one of {MIN_PHOTO_SIDE} or more"
+            f"photo: {photo.shape[1]} x {photo.shape[0]} pixels are too few; give one of {RECTIFICATION.min_photo_side} or more"
         )
     if focal is not None and not (np.isfinite(focal) and focal > 0):
         raise ImageError(f"photo: a focal length of {focal} pixels is none; leave it out to have it estimated")
     half = np.hypot(*photo.shape[:2]) / 2
     centre = (np.array(photo.shape[1::-1]) - 1) / 2
     segments, pixel = _detect_segments(photo, half, centre)
-    if len(segments) < 2 * MIN_SEGMENTS:
+    if len(segments) < 2 * RECTIFICATION.min_segments:
         raise ImageError(f"photo: only {len(segments)} straight lines, too few for a facade; {REMEDY}")
     view = find_facade_camera(segments, pixel, None if focal is None else focal / half)
     if view is None:
@@ -108,7 +90,7 @@ def _detect_segments(photo: UInt8Array, half: float, centre: Float64Array) -> tu
     """Straight lines (n, 2, 2) of a photo in half diagonals from its centre, and the size of a searched pixel."""
     import cv2
 
-    scale = min(1.0, WORKING_SIDE / max(photo.shape[:2]))
+    scale = min(1.0, RECTIFICATION.working_side / max(photo.shape[:2]))
     size = tuple(max(1, round(side * scale)) for side in photo.shape[1::-1])
     small = cv2.resize(photo, size, interpolation=cv2.INTER_AREA) if scale < 1 else photo
     grey = cv2.cvtColor(np.ascontiguousarray(small[..., :3]), cv2.COLOR_RGB2GRAY)
@@ -120,20 +102,20 @@ def _detect_segments(photo: UInt8Array, half: float, centre: Float64Array) -> tu
         ends = ends[~hidden[pixel[:, 1], pixel[:, 0]]]
     # Pixel centres are at whole numbers, before and after.
     ends = ((ends + 0.5) * (np.array(photo.shape[1::-1]) / size) - 0.5 - centre) / half
-    ends = ends[np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) >= MIN_LINE_LENGTH]
+    ends = ends[np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) >= RECTIFICATION.min_line_length]
     return ends, 1.0 / (half * scale)
 
 
 def _check_view(view: FacadeCamera, segments: Float64Array) -> None:
     """Raise ImageError for a camera with too little support."""
     across, upright = int((view.family == 0).sum()), int((view.family == 1).sum())
-    if min(across, upright) < MIN_SEGMENTS:
+    if min(across, upright) < RECTIFICATION.min_segments:
         raise ImageError(
             f"photo: {across} lines along a facade's horizontal and {upright} along its vertical are too few; {REMEDY}"
         )
     lengths = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
     share = lengths[view.family >= 0].sum() / lengths.sum()
-    if share < MIN_AXIS_SHARE:
+    if share < RECTIFICATION.min_axis_share:
         raise ImageError(f"photo: only {share:.0%} of its lines agree on a facade's two directions; {REMEDY}")
 
 
@@ -154,14 +136,14 @@ def _homography(
         raise ImageError(f"photo: the facade lies almost outside it; {REMEDY}")
     # Area of the photo per area of the plane at a point is the camera's focal^2 / depth^3 of the unit ray.
     density = (view.focal * half) ** 2 / rays[inside][:, 2] ** 3
-    if density.max() / density.min() > MAX_AREA_RATIO:
+    if density.max() / density.min() > RECTIFICATION.max_area_ratio:
         raise ImageError(f"photo: the facade is seen too obliquely to be flattened; {REMEDY}")
     photo_area = half**2 * float(np.prod(corners[2] - corners[0]))
     area = (x1 - x0) * (y1 - y0)
     scale = min(
         float(np.sqrt(density.mean())),
-        float(np.sqrt(MAX_PIXEL_RATIO * photo_area / area)),
-        MAX_RESULT_SIDE / max(x1 - x0, y1 - y0),
+        float(np.sqrt(RECTIFICATION.max_pixel_ratio * photo_area / area)),
+        RECTIFICATION.max_result_side / max(x1 - x0, y1 - y0),
     )
     size = max(1, round((y1 - y0) * scale)), max(1, round((x1 - x0) * scale))
     target = (plane - [x0, y0]) * scale - 0.5
@@ -171,7 +153,7 @@ def _homography(
 
 def _check_result(segments: Float64Array, family: AnyArray, homography: Float64Array, size: tuple[int, int]) -> float:
     """Residual in degrees of the lines (n, 2, 2; photo pixels) in the result; ImageError for a wild warp."""
-    if min(size) < MIN_PHOTO_SIDE // 2 or max(size) > 20 * min(size):
+    if min(size) < RECTIFICATION.min_photo_side // 2 or max(size) > 20 * min(size):
         raise ImageError(f"photo: its facade would come out as {size[1]} x {size[0]} pixels; {REMEDY}")
     ends = np.concatenate([segments, np.ones((len(segments), 2, 1))], axis=2) @ homography.T
     is_in_front = (family >= 0) & (ends[..., 2] > 0).all(axis=1)
@@ -180,10 +162,10 @@ def _check_result(segments: Float64Array, family: AnyArray, homography: Float64A
     step, own_family = (flat[:, 1] - flat[:, 0])[inside], family[is_in_front][inside]
     missed = np.abs(np.where(own_family == 0, step[:, 1], step[:, 0]))
     angle = np.degrees(np.arctan2(missed, np.abs(np.where(own_family == 0, step[:, 0], step[:, 1]))))
-    if min((own_family == 0).sum(), (own_family == 1).sum()) < MIN_SEGMENTS:
+    if min((own_family == 0).sum(), (own_family == 1).sum()) < RECTIFICATION.min_segments:
         raise ImageError(f"photo: too few lines along both axes lie on the facade itself; {REMEDY}")
     residual = float(np.median(angle))
-    if residual > MAX_RESIDUAL_DEG:
+    if residual > RECTIFICATION.max_residual_deg:
         raise ImageError(f"photo: its lines would still be {residual:.1f} degrees off the axes; {REMEDY}")
     return residual
 

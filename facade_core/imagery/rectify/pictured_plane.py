@@ -24,49 +24,7 @@ from facade_core.geometry.scene import Scene
 from facade_core.imagery.panorama_camera import camera_position
 from facade_core.imagery.rectify.fusion import ChartView
 from facade_core.imagery.rectify.line_segments import detect_line_segments
-
-# Shortest and longest line that counts, in metres on the wall's plane: longer ones count as the latter.
-LINE_LENGTH_M = (0.6, 6.0)
-# Shortest line in pixels.
-MIN_LINE_PIXELS = 10.0
-# Lines within this angle of upright say nothing: upright lines are so on any upright plane.
-UPRIGHT_DEG = 8.0
-# Error of a line's end in pixels, and least error of its slope in degrees, from pose and mouldings.
-END_ERROR_PIXELS = 0.7
-MIN_SLOPE_ERROR_DEG = 0.5
-# Lines near the camera's height, whose direction is less certain than this, are ignored.
-MAX_TURN_ERROR_DEG = 15.0
-# Turns up to this are the pose's, or that of a wall which the model simplifies,
-OWN_TURN_DEG = 5.0
-# and from this on another plane's.
-OTHER_TURN_DEG = 7.0
-# A wall is another if its lines support the other direction this many times as much as its own,
-MIN_SUPPORT_RATIO = 1.5
-# by at least this many metres of lines,
-MIN_SUPPORT_M = 3.0
-# and this many lines: a wire is one.
-MIN_SUPPORT_LINES = 4
-
-# Cells per metre at which two pictures are compared, and blur of their gradients in metres, which covers pose errors.
-CELLS_PER_METRE = 6.0
-GRADIENT_BLUR_M = 0.3
-# Smallest distance between two cameras, along the wall or up, that determines a depth, in metres.
-MIN_BASELINE_M = 2.0
-# Tried planes are at these shares of the camera's distance from the wall,
-DEPTH_SHARES = (0.3, 4.0)
-# in steps that displace the pictures against each other by this many metres.
-DEPTH_STEP_M = 0.35
-# A displacement up to this is the pose's,
-OWN_DISPLACEMENT_M = 0.8
-# and from this on another depth's.
-OTHER_DISPLACEMENT_M = 1.6
-# Correlation on another plane from which two pictures show it,
-MIN_DEPTH_CORRELATION = 0.35
-# its excess over that on the wall's own plane, and the latter's, from which they show the wall after all.
-MIN_CORRELATION_GAIN = 0.25
-OWN_CORRELATION = 0.4
-# Share of the wall that both pictures must show on a tried plane.
-MIN_COMMON_SHARE = 0.15
+from facade_core.imagery.rectify.settings import PLANES
 
 
 class PicturedTurn(NamedTuple):
@@ -88,8 +46,8 @@ class PicturedTurn(NamedTuple):
     @property
     def is_other(self) -> bool:
         """Report whether the picture shows a plane of another direction."""
-        is_supported = self.other_support >= max(MIN_SUPPORT_M, MIN_SUPPORT_RATIO * self.own_support)
-        return is_supported and self.other_lines >= MIN_SUPPORT_LINES
+        is_supported = self.other_support >= max(PLANES.min_support_m, PLANES.min_support_ratio * self.own_support)
+        return is_supported and self.other_lines >= PLANES.min_support_lines
 
 
 class CameraFrame(NamedTuple):
@@ -120,25 +78,29 @@ def estimate_pictured_turn(view: ChartView, camera: CameraFrame, texels_per_metr
     camera : the camera in the wall's frame.
     texels_per_metre : density of the view.
     """
-    ends = detect_line_segments(view.rgb, view.seen, max(MIN_LINE_PIXELS, LINE_LENGTH_M[0] * texels_per_metre))
+    ends = detect_line_segments(
+        view.rgb, view.seen, max(PLANES.min_line_pixels, PLANES.line_length_m[0] * texels_per_metre)
+    )
     ends = ends / texels_per_metre
     along = ends[:, 1] - ends[:, 0]
     length = np.hypot(*along.T)
     slope = np.arctan2(along[:, 1], along[:, 0])
-    is_slanted = np.abs(np.cos(slope)) > np.sin(np.radians(UPRIGHT_DEG))
+    is_slanted = np.abs(np.cos(slope)) > np.sin(np.radians(PLANES.upright_deg))
     ends, length, slope = ends[is_slanted], length[is_slanted], slope[is_slanted]
-    error = np.hypot(np.radians(MIN_SLOPE_ERROR_DEG), END_ERROR_PIXELS / texels_per_metre / np.maximum(length, 1e-9))
+    error = np.hypot(
+        np.radians(PLANES.min_slope_error_deg), PLANES.end_error_pixels / texels_per_metre / np.maximum(length, 1e-9)
+    )
     middle = ends.mean(axis=1)
     turn, low, high = (_horizontal_turn(middle, slope + by, camera) for by in (0.0, -error, error))
     spread = np.maximum(*(np.abs(_fold_angle(other - turn)) for other in (low, high)))
-    is_certain = spread <= MAX_TURN_ERROR_DEG
-    turn, spread, weight = turn[is_certain], spread[is_certain], np.minimum(length[is_certain], LINE_LENGTH_M[1])
+    is_certain = spread <= PLANES.max_turn_error_deg
+    turn, spread, weight = turn[is_certain], spread[is_certain], np.minimum(length[is_certain], PLANES.line_length_m[1])
     tried = np.arange(-90.0, 90.0)
     width = np.maximum(spread, 1.0)[:, None]
     fit = np.exp(-((_fold_angle(turn[:, None] - tried) / width) ** 2) / 2)
     votes = (weight[:, None] * fit).sum(axis=0)
-    own = float(votes[np.abs(tried) <= OWN_TURN_DEG].max())
-    votes[np.abs(tried) < OTHER_TURN_DEG] = 0.0
+    own = float(votes[np.abs(tried) <= PLANES.own_turn_deg].max())
+    votes[np.abs(tried) < PLANES.other_turn_deg] = 0.0
     best = int(votes.argmax())
     return PicturedTurn(float(tried[best]), own, float(votes[best]), int((fit[:, best] > 0.5).sum()))
 
@@ -177,13 +139,13 @@ class PicturedDepth(NamedTuple):
     def is_other(self) -> bool:
         """Report whether both pictures show a plane of another depth."""
         gain = self.other_correlation - max(self.own_correlation, 0.0)
-        is_found = self.other_correlation >= MIN_DEPTH_CORRELATION and gain >= MIN_CORRELATION_GAIN
+        is_found = self.other_correlation >= PLANES.min_depth_correlation and gain >= PLANES.min_correlation_gain
         return is_found and not self.is_own
 
     @property
     def is_own(self) -> bool:
         """Report whether both pictures show the wall's plane."""
-        return self.own_correlation >= OWN_CORRELATION
+        return self.own_correlation >= PLANES.own_correlation
 
 
 def estimate_pictured_depth(
@@ -205,10 +167,10 @@ def estimate_pictured_depth(
     The depth; None if the cameras are too close to each other or show too little in common.
     """
     baseline = float(np.hypot(cameras[0].right - cameras[1].right, cameras[0].down - cameras[1].down))
-    if baseline < MIN_BASELINE_M or min(camera.before for camera in cameras) <= 0:
+    if baseline < PLANES.min_baseline_m or min(camera.before for camera in cameras) <= 0:
         return None
     near = min(camera.before for camera in cameras)
-    scales = np.arange(1 / DEPTH_SHARES[1], 1 / DEPTH_SHARES[0], DEPTH_STEP_M / baseline)
+    scales = np.arange(1 / PLANES.depth_shares[1], 1 / PLANES.depth_shares[0], PLANES.depth_step_m / baseline)
     reduced = [_reduce_gradient(view, texels_per_metre) for view in views]
     own, other, behind = -1.0, -1.0, 0.0
     for scale in (1.0, *scales.tolist()):
@@ -217,9 +179,9 @@ def estimate_pictured_depth(
         displacement = baseline * abs(1 - scale)
         if score is None:
             continue
-        if displacement <= OWN_DISPLACEMENT_M:
+        if displacement <= PLANES.own_displacement_m:
             own = max(own, score)
-        elif displacement >= OTHER_DISPLACEMENT_M and score > other:
+        elif displacement >= PLANES.other_displacement_m and score > other:
             other, behind = score, depth
     return None if own == -1.0 else PicturedDepth(behind, own, other)
 
@@ -266,7 +228,7 @@ class _ReducedGradient(NamedTuple):
 def _reduce_gradient(view: ChartView, texels_per_metre: float) -> _ReducedGradient:
     import cv2
 
-    share = min(1.0, CELLS_PER_METRE / texels_per_metre)
+    share = min(1.0, PLANES.cells_per_metre / texels_per_metre)
     size = tuple(max(4, round(side * share)) for side in view.seen.shape[::-1])
     density = texels_per_metre * size[1] / view.seen.shape[0]
     grey = cv2.resize(cv2.cvtColor(view.rgb, cv2.COLOR_RGB2GRAY), size, interpolation=cv2.INTER_AREA)
@@ -274,7 +236,7 @@ def _reduce_gradient(view: ChartView, texels_per_metre: float) -> _ReducedGradie
     weight = cv2.erode(clear, np.ones((3, 3), np.uint8), borderValue=0).astype(np.float32)
     tone = np.log(grey.astype(np.float32) + 16)
     slope = np.hypot(cv2.Sobel(tone, cv2.CV_32F, 1, 0), cv2.Sobel(tone, cv2.CV_32F, 0, 1)) * weight
-    sigma = GRADIENT_BLUR_M * density
+    sigma = PLANES.gradient_blur_m * density
     blurred = cv2.GaussianBlur(slope, (0, 0), sigma) / np.maximum(cv2.GaussianBlur(weight, (0, 0), sigma), 1e-3)
     return _ReducedGradient(np.asarray(blurred, np.float32), weight, density)
 
@@ -298,7 +260,7 @@ def _correlate_on_plane(
         slopes.append(cv2.warpAffine(slope, map_back, slope.shape[::-1], flags=flags))
         weights.append(cv2.warpAffine(weight, map_back, slope.shape[::-1], flags=flags))
     both = (weights[0] > 0.99) & (weights[1] > 0.99)
-    if both.mean() < MIN_COMMON_SHARE:
+    if both.mean() < PLANES.min_common_share:
         return None
     one, two = (slope[both] for slope in slopes)
     if one.std() < 1e-6 or two.std() < 1e-6:

@@ -17,24 +17,14 @@ from facade_core.imagery.detect.detection import detect_faces_plates_text
 from facade_core.imagery.detect.text import TextLine
 from facade_core.imagery.rectify.building_crop import crop_to_building
 from facade_core.imagery.rectify.crop import FacadeCrop
-from facade_core.imagery.rectify.level_lines import MAX_LEVEL_SLOPE_DEG, find_unrectified_slope, measure_level_slope
+from facade_core.imagery.rectify.level_lines import find_unrectified_slope, measure_level_slope
 from facade_core.imagery.rectify.no_data import no_data_mask
 from facade_core.imagery.rectify.photo import REMEDY, Rectified, rectify
 from facade_core.imagery.rectify.photo_state import check_daylight
+from facade_core.imagery.rectify.settings import LEVEL_LINES, PHOTO_FIT
 from tasks.stages.shared.images import read_photo
 
-# A photo whose facade is so many times too wide or too high for its wall shows another wall.
-MAX_STRETCH = 2.5
-# A photo that is enlarged by more than this is blurred on its wall.
-MAX_ENLARGEMENT = 2.0
 BLURRED = "it has less than half of its wall's texels, across or down, and is blurred there; give a larger photo"
-# Lines of text are legible from this score and number of letters on.
-LEGIBLE_SCORE = 0.85
-LEGIBLE_LETTERS = 4
-# Texels around a photo's holes that count as hidden.
-RIM_TEXELS = 2
-# Signs that only the mirror image of a mirrored photo has.
-MIN_MIRRORED_SIGNS = 2
 
 
 def read_facade_photo(path: Path, rectified: bool, size: tuple[int, int], parser: Path | None = None) -> Evidence:
@@ -56,7 +46,7 @@ def read_facade_photo(path: Path, rectified: bool, size: tuple[int, int], parser
     found = detect_faces_plates_text(cut.image)
     if is_mirrored(cut.image, found.lines):
         raise ImageError(f"{path.name}: it is mirrored: its signs read from right to left; flip it")
-    if max(across, down) > MAX_ENLARGEMENT:
+    if max(across, down) > PHOTO_FIT.max_enlargement:
         cut = replace(cut, notes=(*cut.notes, BLURRED))
     seen, hidden = found.rescale(across, down), widen_holes(hidden)
     return Evidence(
@@ -88,7 +78,9 @@ def widen_holes(hidden: BoolArray) -> BoolArray:
     """Widen the holes of a mask (h, w) by their rim, where resampling mixes in the occluder."""
     import cv2
 
-    return cv2.dilate(hidden.astype(np.uint8), np.ones((2 * RIM_TEXELS + 1, 2 * RIM_TEXELS + 1), np.uint8)).astype(bool)
+    return cv2.dilate(
+        hidden.astype(np.uint8), np.ones((2 * PHOTO_FIT.rim_texels + 1, 2 * PHOTO_FIT.rim_texels + 1), np.uint8)
+    ).astype(bool)
 
 
 def crop_photo_to_wall(
@@ -104,7 +96,7 @@ def crop_photo_to_wall(
     if not (rectified or cut.has_facade):
         raise ImageError(f"{name}: no facade is found in it; {REMEDY}")
     facade = cut.image.shape[1] / cut.image.shape[0]
-    if not rectified and not 1 / MAX_STRETCH <= aspect / facade <= MAX_STRETCH:
+    if not rectified and not 1 / PHOTO_FIT.max_stretch <= aspect / facade <= PHOTO_FIT.max_stretch:
         raise ImageError(
             f"{name}: its facade is {facade:.2g} times as wide as high, its wall {aspect:.2g}: "
             "it shows another one; give a photo of this wall"
@@ -157,7 +149,7 @@ def crop_picture(
 def _require_level(cut: FacadeCrop, name: str, rectified: bool) -> None:
     """Raise ImageError for a facade whose level lines slope."""
     beside = cut.hidden | cut.outside
-    if not rectified and (slope := measure_level_slope(cut.image, beside)) > MAX_LEVEL_SLOPE_DEG:
+    if not rectified and (slope := measure_level_slope(cut.image, beside)) > LEVEL_LINES.max_level_slope_deg:
         raise ImageError(f"{name}: its level lines slope by {slope:.0f} degrees; {REMEDY}")
     if rectified and (unrectified := find_unrectified_slope(cut.image, beside)) is not None:
         raise ImageError(
@@ -168,15 +160,15 @@ def _require_level(cut: FacadeCrop, name: str, rectified: bool) -> None:
 
 def is_mirrored(image: UInt8Array, lines: Sequence[TextLine]) -> bool:
     """Return whether the signs on a picture can be read only in its mirror image; False without signs."""
-    if len(lines) < MIN_MIRRORED_SIGNS or _count_legible(lines):
+    if len(lines) < PHOTO_FIT.min_mirrored_signs or _count_legible(lines):
         return False
     mirrored = detect_faces_plates_text(np.ascontiguousarray(image[:, ::-1]))
-    return _count_legible(mirrored.lines) >= MIN_MIRRORED_SIGNS
+    return _count_legible(mirrored.lines) >= PHOTO_FIT.min_mirrored_signs
 
 
 def _count_legible(lines: Sequence[TextLine]) -> int:
     """Count the lines that are words with certainty."""
-    return sum(line.score >= LEGIBLE_SCORE and len(line.text) >= LEGIBLE_LETTERS for line in lines)
+    return sum(line.score >= PHOTO_FIT.legible_score and len(line.text) >= PHOTO_FIT.legible_letters for line in lines)
 
 
 def rectify_photo(picture: Picture, name: str) -> Rectified:

@@ -7,6 +7,7 @@ from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.imagery.rectify import building_crop, crop
 from facade_core.imagery.rectify.building_crop import crop_to_facade
 from facade_core.imagery.rectify.crop import find_facade_box, wall_surroundings_mask
+from facade_core.imagery.rectify.settings import CROP
 from facade_core.parsing.segmenter import Surroundings
 
 
@@ -50,7 +51,7 @@ def test_in_large_pictures_sides_are_found_within_a_part():
     outside[:301] = outside[1802:] = True
     outside[:, :205] = True
     box = find_facade_box(outside, np.zeros_like(outside))
-    assert np.abs(np.array(box) - (205, 301, 3100, 1802)).max() <= 3100 / crop.GRID_CELLS
+    assert np.abs(np.array(box) - (205, 301, 3100, 1802)).max() <= 3100 / CROP.grid_cells
 
 
 def test_noise_at_the_border_and_panes_within_do_not_decide():

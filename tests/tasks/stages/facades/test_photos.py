@@ -18,8 +18,9 @@ from facade_core.core.errors import ImageError
 from facade_core.imagery.detect.detection import FacesPlatesAndText, detectors_available
 from facade_core.imagery.detect.text import TextLine
 from facade_core.imagery.rectify.crop import FacadeCrop
-from facade_core.imagery.rectify.level_lines import MAX_LEVEL_SLOPE_DEG, find_unrectified_slope, measure_level_slope
+from facade_core.imagery.rectify.level_lines import find_unrectified_slope, measure_level_slope
 from facade_core.imagery.rectify.photo_state import check_daylight, check_photo_state
+from facade_core.imagery.rectify.settings import LEVEL_LINES
 from facade_core.parsing.segmenter import Surroundings
 from tasks.stages.facades.evidence import read_evidence
 from tasks.stages.facades.imagery import FacadeImagery
@@ -188,7 +189,7 @@ def test_braces_of_a_rectified_facade_are_no_slope() -> None:
         cv2.line(facade, (column, 600), (column + 800, 200), (60, 50, 40), 6)
         cv2.line(facade, (column, 200), (column - 800, 600), (60, 50, 40), 6)
     nothing = np.zeros((600, 600), bool)
-    assert measure_level_slope(facade, nothing) > MAX_LEVEL_SLOPE_DEG
+    assert measure_level_slope(facade, nothing) > LEVEL_LINES.max_level_slope_deg
     assert find_unrectified_slope(facade, nothing) is None
 
 
