@@ -4,8 +4,8 @@ Of each photo: the photo with the outline of the facade that was found in it, th
 the facade, black where something stands before it), what the run says of it, and the verdict by eye out of street_photos.json:
 good, small flaws, visible flaws, unusable, refused. taken: photos as taken, of RueMonge, the Swiss street photos and
 labelmefacade; rectified: rectified photos with trees and cars, of Art-Deco and ECP. Thresholds were chosen on the photos of
-the halves `tuned` and `tuned_2`; those of `judged` and `judged_2` were judged once. before and after: the change of ADR 0122,
-of the second halves that of ADR 0153.
+the halves `tuned` and `tuned_2`; those of `judged` and `judged_2` were judged once. before and after: the two
+changes of docs/decisions/0122; of the second halves the later one.
 --seconds: processor seconds and segmentations of photos that are used, from file to completed facade.
 The sheet in docs/look is drawn with --licensed, of both judged halves.
 """

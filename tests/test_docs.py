@@ -1,6 +1,6 @@
 """The pages name only files, folders, dotted names and links that exist; the drawing shows the import contracts.
 
-Decision records and the changelog may speak of the past.
+The changelog may speak of the past.
 """
 
 from __future__ import annotations

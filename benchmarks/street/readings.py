@@ -1,4 +1,4 @@
-"""Other readings of Eq. 1 than the one that textures streets (ADR 0010), from what each view shows of the texels."""
+"""Other readings of Eq. 1 than the one that textures streets (docs/decisions/0010), from what each view shows of the texels."""
 
 from __future__ import annotations
 

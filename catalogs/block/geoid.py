@@ -1,4 +1,4 @@
-"""Height of the geoid above the ellipsoid, by the EGM96 model on a grid of a quarter of a degree (ADR 0115)."""
+"""Height of the geoid above the ellipsoid, by the EGM96 model on a grid of a quarter of a degree."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ BRANCH = "main"
 # a lock.
 icechunk.set_logs_filter("off")
 
-# A commit rewrites the manifests that it touches, and its snapshot has a line for every manifest (ADR 0045).
+# A commit rewrites the manifests that it touches, and its snapshot has a line for every manifest (docs/decisions/0045).
 UNITS_PER_MANIFEST = 64
 PAGES_PER_MANIFEST = 4
 # What a process keeps of the metadata that it read: about ten snapshots of a large store, as each counts its arrays and groups,

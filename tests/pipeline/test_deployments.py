@@ -116,7 +116,7 @@ def artifacts(site: Site, run: UUID) -> dict[str, tuple[Any, str]]:
 
 
 def test_the_clients_own_listing_is_answered(site: Site) -> None:
-    """A server whose web framework is too new answers its own client with 422 (ADR 0009)."""
+    """A server whose web framework is too new answers its own client with 422 (docs/decisions/0009)."""
     done = subprocess.run(
         ["prefect", "deployment", "ls"], env=site.environment, capture_output=True, text=True, timeout=300
     )

@@ -17,7 +17,7 @@ from facade_core.export.models.textured_mesh import ModelFrame, TexturedMesh
 from facade_core.export.tiles.tile_pages import pack_tile_pages
 from facade_core.geometry.charts import ChartKind
 
-# Share of the texel density that ground charts keep; densities already fall with distance (ADR 0063).
+# Share of the texel density that ground charts keep; densities already fall with distance.
 GROUND_SHARE = 0.375
 # Maximum density of ground charts, texels per metre.
 MAX_GROUND_DENSITY = 8.0

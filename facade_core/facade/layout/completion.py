@@ -47,7 +47,7 @@ _GROUP_BONUS = 0.2
 _ROW_FACTOR = 0.65
 # The same for the ground floor of a wall on a street, which is not bare.
 _GROUND_ROW_FACTOR = 0.2
-# Thresholds are multiplied by this where the middle is hidden: between two visible parts doubt left it empty (ADR 0123).
+# Thresholds are multiplied by this where the middle is hidden: between two visible parts doubt left it empty.
 _MIDDLE_FACTOR = 0.5
 # Least probability of a mapped door.
 _MAPPED_DOOR_PROBABILITY = 0.9
@@ -77,10 +77,10 @@ def complete(
 
     Proposals come from extended, pooled and mirrored grids; doors and shops also from places where the database has
     them. Boosted trees rate each proposal, and the likely ones that do not exclude each other are selected. The layout
-    network of the model finds the windows of the first layout instead (ADR 0132). Windows keep the smallest
+    network of the model finds the windows of the first layout instead (docs/decisions/0088). Windows keep the smallest
     observed distance, rows are completed, and shops fill the ground floor or are absent. A layout has at most one
     door, or as many as are observed. The policy search of the layout paper (5.1-5.2) adds nothing to that and does
-    not run (ADR 0088). The score of a completion is the expected F1 of its selection, plus a small share of `score`
+    not run (docs/decisions/0088). The score of a completion is the expected F1 of its selection, plus a small share of `score`
     (Eq. 15).
 
     Without any element or region, whole layouts are sampled in the styles of the database and ranked by `score`; only

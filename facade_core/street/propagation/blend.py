@@ -1,4 +1,4 @@
-"""Eq. 1 of the street paper from a small state per texel (ADR 0010).
+"""Eq. 1 of the street paper from a small state per texel (docs/decisions/0010).
 
 Exact in any order of the views. A view has an integer distance d in millimetres. Proper views have a d within the gate.
 Their weights are 1 - d / sum d, clamped to [0.3, 0.7], mapped by (w - 0.3) / 0.4 and divided by their sum. At most

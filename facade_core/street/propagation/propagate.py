@@ -25,7 +25,7 @@ from facade_core.street.propagation.texel_buffer import TexelBuffer
 
 # Cosine of incidence below which a panorama pixel covers metres of a surface, without detail.
 MIN_FACING_COSINE = 0.02
-# A view is proper within this many viewpoint spacings along the street (ADR 0010).
+# A view is proper within this many viewpoint spacings along the street (docs/decisions/0010).
 GATE_SPACINGS = 1.5
 
 

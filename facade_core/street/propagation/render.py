@@ -71,7 +71,7 @@ def render_panorama(scene: Scene, buffer: TexelBuffer, viewpoint: Viewpoint, siz
     """Render a viewpoint with the texels of a buffer.
 
     Texels of provenance 0 and charts outside the buffer count as untextured. Within the distance gate so do texels with
-    only a fallback view (ADR 0010).
+    only a fallback view (docs/decisions/0010).
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""Network of whole layouts: its input, training and use (ADR 0132)."""
+"""Network of whole layouts: its input, training and use (docs/decisions/0088)."""
