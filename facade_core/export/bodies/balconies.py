@@ -11,29 +11,16 @@ from shapely import Polygon
 
 from facade_core.core.arrays import Float64Array
 from facade_core.core.types import Element
+from facade_core.export.bodies.settings import BALCONY_SETTINGS, BalconySettings
 
-# Depth of a balcony, metres.
-BALCONY_DEPTH_M = 0.9
-# Depth of a balcony before a single window, metres.
-NARROW_BALCONY_DEPTH_M = 0.35
-# Width from which a balcony has its full depth, metres.
-MIN_WIDE_BALCONY_M = 1.8
-# Thickness of a balcony's floor, metres.
-FLOOR_THICKNESS_M = 0.15
-# Thickness of a railing, metres.
-RAILING_THICKNESS_M = 0.06
-# Minimum width and height of a balcony, metres.
-MIN_BALCONY_M = 0.5
-# A window that ends at most this far above a railing continues behind it, metres.
-MAX_ABOVE_RAILING_M = 0.25
-# Height above the balcony's floor at which such a window ends, metres.
-SILL_ABOVE_FLOOR_M = 0.1
 # A face in the frame of its wall: rings (k, 3) in metres right, down and outward; the places (k, 2) on the wall
 # whose texture it shows; and its semantic type.
 WallFrameFace = tuple[list[Float64Array], list[Float64Array], str]
 
 
-def place_balconies(wall: Polygon, elements: Sequence[Element]) -> list[shapely.Polygon]:
+def place_balconies(
+    wall: Polygon, elements: Sequence[Element], settings: BalconySettings = BALCONY_SETTINGS
+) -> list[shapely.Polygon]:
     """Place the balconies of a wall as disjoint rectangles in its chart's frame."""
     found: list[Polygon] = []
     wanted = [e for e in elements if e.label == "balcony"]
@@ -41,14 +28,18 @@ def place_balconies(wall: Polygon, elements: Sequence[Element]) -> list[shapely.
         west, north, east, south = wall.bounds
         box = shapely.box(max(element.x0, west), max(element.y0, north), min(element.x1, east), min(element.y1, south))
         x0, y0, x1, y1 = box.bounds if not box.is_empty else (0.0, 0.0, 0.0, 0.0)
-        if min(x1 - x0, y1 - y0) < MIN_BALCONY_M or not wall.buffer(RAILING_THICKNESS_M).contains(box):
+        if min(x1 - x0, y1 - y0) < settings.min_balcony_m or not wall.buffer(settings.railing_thickness_m).contains(
+            box
+        ):
             continue
         if not any(box.intersects(other) for other in found):
             found.append(box)
     return found
 
 
-def extend_windows_behind_railings(elements: Sequence[Element], balconies: Sequence[Polygon]) -> list[Element]:
+def extend_windows_behind_railings(
+    elements: Sequence[Element], balconies: Sequence[Polygon], settings: BalconySettings = BALCONY_SETTINGS
+) -> list[Element]:
     """Extend windows whose foot is hidden by a balcony down to its floor.
 
     The parse labels the railing as balcony, but people step out through the opening behind it. Only windows between
@@ -57,20 +48,22 @@ def extend_windows_behind_railings(elements: Sequence[Element], balconies: Seque
     found = []
     for element in elements:
         for x0, y0, x1, y1 in (box.bounds for box in balconies if element.label == "window"):
-            floor = y1 - min(FLOOR_THICKNESS_M, (y1 - y0) / 3) - SILL_ABOVE_FLOOR_M
-            between = x0 + RAILING_THICKNESS_M <= element.x0 and element.x1 <= x1 - RAILING_THICKNESS_M
-            if between and element.y0 < y0 and y0 - MAX_ABOVE_RAILING_M <= element.y1 < floor:
+            floor = y1 - min(settings.floor_thickness_m, (y1 - y0) / 3) - settings.sill_above_floor_m
+            between = (
+                x0 + settings.railing_thickness_m <= element.x0 and element.x1 <= x1 - settings.railing_thickness_m
+            )
+            if between and element.y0 < y0 and y0 - settings.max_above_railing_m <= element.y1 < floor:
                 element = replace(element, y1=floor)
         found.append(element)
     return found
 
 
-def balcony_faces(box: Polygon) -> list[WallFrameFace]:
+def balcony_faces(box: Polygon, settings: BalconySettings = BALCONY_SETTINGS) -> list[WallFrameFace]:
     """Build the closed body of a balcony over a rectangle of its wall: outer sides, rim, inner sides and floor."""
     x0, y0, x1, y1 = box.bounds
-    far = BALCONY_DEPTH_M if x1 - x0 >= MIN_WIDE_BALCONY_M else NARROW_BALCONY_DEPTH_M
-    floor = y1 - min(FLOOR_THICKNESS_M, (y1 - y0) / 3)
-    a, b, c = x0 + RAILING_THICKNESS_M, x1 - RAILING_THICKNESS_M, far - RAILING_THICKNESS_M
+    far = settings.balcony_depth_m if x1 - x0 >= settings.min_wide_balcony_m else settings.narrow_balcony_depth_m
+    floor = y1 - min(settings.floor_thickness_m, (y1 - y0) / 3)
+    a, b, c = x0 + settings.railing_thickness_m, x1 - settings.railing_thickness_m, far - settings.railing_thickness_m
 
     def face(corners: list[tuple[float, float, float]], kind: str, side: str = "") -> WallFrameFace:
         return [np.array(corners)], [_texture_places(corners, side, (x0, y0, x1, y1), floor)], kind

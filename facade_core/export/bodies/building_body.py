@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,7 +13,6 @@ from facade_core.core.arrays import BoolArray, Float64Array, IntArray
 from facade_core.export.bodies.footprints import building_footprint
 from facade_core.export.bodies.openings import chart_outlines
 from facade_core.export.bodies.patches import (
-    MAX_OFF_PLANE_M,
     MeshPolygon,
     PolygonMesh,
     count_edges,
@@ -26,20 +26,10 @@ from facade_core.export.bodies.patches import (
     triangulate_nonplanar_polygons,
     weld_polygons,
 )
+from facade_core.export.bodies.settings import BODY_SETTINGS, BodySettings
 from facade_core.export.models.textured_mesh import TexturedMesh
 from facade_core.geometry.buildings.curtains import curtains_below_edges
 from facade_core.geometry.charts import ChartKind
-
-# Open edges up to this height above the lowest corner belong to the foot of a building, metres.
-MAX_FOOT_HEIGHT_M = 2.0
-# Roof triangles this far outside of the walls are separate from the body, metres.
-WALL_MARGIN_M = 0.02
-# Holes up to this perimeter are closed, metres; edges up to half of it may collapse.
-MAX_HOLE_PERIMETER_M = 0.4
-# Minimum share of the connected area that a body keeps.
-MIN_AREA_SHARE = 0.4
-# Maximum horizontal area that closing may add, as share of the body's area.
-MAX_ADDED_AREA_SHARE = 0.1
 
 
 @dataclass(frozen=True)
@@ -59,7 +49,12 @@ class BuildingBody:
 
 
 def build_body(
-    source: TexturedMesh, triangles: IntArray, chart_surfaces: dict[int, int], ground_surface: int, origin: Float64Array
+    source: TexturedMesh,
+    triangles: IntArray,
+    chart_surfaces: dict[int, int],
+    ground_surface: int,
+    origin: Float64Array,
+    settings: BodySettings = BODY_SETTINGS,
 ) -> BuildingBody:
     """Build the body of one building.
 
@@ -72,33 +67,43 @@ def build_body(
     chart_surfaces : semantic surface of each chart.
     ground_surface : semantic surface that closes the body at its lowest corner.
     origin : (3,) origin of the grid of corners, world metres.
+    settings : numbers of bodies.
     """
-    standing = shapely.union_all(building_footprint(source, triangles)).buffer(WALL_MARGIN_M, join_style="mitre")
+    standing = shapely.union_all(building_footprint(source, triangles)).buffer(
+        settings.wall_margin_m, join_style="mitre"
+    )
     corners = source.mesh.vertices[source.mesh.triangles[triangles]].reshape(-1, 3)
     out = ~shapely.contains_xy(standing, *corners[:, :2].T).reshape(-1, 3).all(axis=1)
     found = []
     for apart in (out, np.zeros(len(out), bool)) if out.any() else (out,):
-        whole = _chart_polygons(source, triangles, apart, chart_surfaces, origin)
+        whole = _chart_polygons(source, triangles, apart, chart_surfaces, origin, settings)
         for peel in (False, True):
-            tried = _close_shell(whole, ground_surface, origin, peel)
+            tried = _close_shell(whole, ground_surface, origin, peel, settings)
             if tried is not None:
                 found.append(tried)
                 break
         if found:
             break
     if not found:
-        return BuildingBody(triangulate_nonplanar_polygons(whole), False, ())
+        return BuildingBody(triangulate_nonplanar_polygons(whole, settings), False, ())
     _, shell, left = min(found, key=lambda one: one[0])
     attachments = left.patches
     return BuildingBody(
         shell,
         True,
-        tuple(triangulate_nonplanar_polygons(left.subset(piece)) for piece in polygon_components(attachments)),
+        tuple(
+            triangulate_nonplanar_polygons(left.subset(piece), settings) for piece in polygon_components(attachments)
+        ),
     )
 
 
 def _chart_polygons(
-    source: TexturedMesh, triangles: IntArray, apart: BoolArray, chart_surfaces: dict[int, int], origin: Float64Array
+    source: TexturedMesh,
+    triangles: IntArray,
+    apart: BoolArray,
+    chart_surfaces: dict[int, int],
+    origin: Float64Array,
+    settings: BodySettings,
 ) -> PolygonMesh:
     """Return the charts of a building as polygons; triangles in `apart` (t,) bool form polygons of their own."""
     charts, mesh = source.charts, source.mesh
@@ -124,67 +129,90 @@ def _chart_polygons(
                     rings.append(points)
                 polygons.append(rings)
                 of.append(chart)
-    return weld_polygons(polygons, of, [chart_surfaces[chart] for chart in of], origin)
+    return weld_polygons(polygons, of, [chart_surfaces[chart] for chart in of], origin, settings)
 
 
 def _close_shell(
-    whole: PolygonMesh, ground: int, origin: Float64Array, peel: bool
+    whole: PolygonMesh, ground: int, origin: Float64Array, peel: bool, settings: BodySettings
 ) -> tuple[float, PolygonMesh, PolygonMesh] | None:
     """Close the main component of some polygons.
 
     Returns the area in m2 that was left out or added, the shell, and the polygons left out; None if it cannot be closed. With
     `peel`, polygons with open edges above the foot are left out.
     """
-    pieces = polygon_components(whole.patches)
-    if not pieces:
+    main = _largest_component(whole, range(len(whole.patches)))
+    if not main:
         return None
-    area = [float(np.linalg.norm(whole.area_vector(patch))) for patch in whole.patches]
-    main = max(pieces, key=lambda piece: sum(area[i] for i in piece))
-    whole, main = _close_small_holes(whole, main)
-    area = [float(np.linalg.norm(whole.area_vector(patch))) for patch in whole.patches]
-    kept = _peel_open_patches(whole, main) if peel else main
-    if sum(area[i] for i in kept) < MIN_AREA_SHARE * sum(area[i] for i in main):
+    whole, main = _close_small_holes(whole, main, settings)
+    peeled = _peel_open_patches(whole, main, settings) if peel else main
+    if _total_area(whole, peeled) < settings.min_area_share * _total_area(whole, main):
         return None
-    if peel and kept:
-        parts = polygon_components([whole.patches[i] for i in kept])
-        largest = max(parts, key=lambda part: sum(area[kept[i]] for i in part))
-        kept = [kept[i] for i in largest]
-    shell = split_edges_at_corners(whole.subset(kept))
-    covers = _cover_open_loops(_add_curtains(shell, origin), ground)
+    kept = _largest_component(whole, peeled) if peel else peeled
+    shell = split_edges_at_corners(whole.subset(kept), settings)
+    covers = _cover_open_loops(_add_curtains(shell, origin, settings), ground, settings)
     if covers is None:
         return None
-    done = triangulate_nonplanar_polygons(_collapse_pinched_edges(triangulate_nonplanar_polygons(covers)))
+    done = triangulate_nonplanar_polygons(
+        _collapse_pinched_edges(triangulate_nonplanar_polygons(covers, settings), settings), settings
+    )
     if not is_closed(done.patches):
         return None
-    closing = [done.area_vector(p) for p in done.patches if p.chart < 0 and p.semantic != ground]
-    added = sum(float(np.linalg.norm(one)) for one in closing)
-    if sum(abs(float(one[2])) for one in closing) > MAX_ADDED_AREA_SHARE * sum(area[i] for i in kept):
+    added, added_level = _added_areas(done, ground)
+    if added_level > settings.max_added_area_share * _total_area(whole, kept):
         return None
     left = [i for i in sorted(set(range(len(whole.patches))) - set(kept)) if whole.patches[i].chart >= 0]
-    return added + sum(area[i] for i in left), done, whole.subset(left)
+    return added + _total_area(whole, left), done, whole.subset(left)
 
 
-def _add_curtains(shell: PolygonMesh, origin: Float64Array) -> PolygonMesh:
+def _added_areas(shell: PolygonMesh, ground: int) -> tuple[float, float]:
+    """Return the area that closing added above the ground, and its horizontal part, m2."""
+    added = [shell.area_vector(patch) for patch in shell.patches if patch.chart < 0 and patch.semantic != ground]
+    return sum(float(np.linalg.norm(one)) for one in added), sum(abs(float(one[2])) for one in added)
+
+
+def _total_area(whole: PolygonMesh, chosen: Iterable[int]) -> float:
+    """Return the area of the chosen polygons, m2."""
+    return sum(float(np.linalg.norm(whole.area_vector(whole.patches[i]))) for i in chosen)
+
+
+def _largest_component(whole: PolygonMesh, chosen: Sequence[int]) -> list[int]:
+    """Return the connected component of the chosen polygons with the largest area; empty without any."""
+    components = polygon_components([whole.patches[i] for i in chosen])
+    members = [[chosen[i] for i in component] for component in components]
+    return max(members, key=lambda own: _total_area(whole, own), default=[])
+
+
+def _ring_points(mesh: PolygonMesh) -> list[list[Float64Array]]:
+    """Return the corners (k, 3) of each ring of each polygon."""
+    return [[mesh.points[list(ring)] for ring in patch.rings] for patch in mesh.patches]
+
+
+def _lowest_corner(mesh: PolygonMesh) -> float:
+    """Return the height of the lowest corner of the polygons; 0 without any."""
+    return float(min((mesh.points[c, 2] for patch in mesh.patches for ring in patch.rings for c in ring), default=0.0))
+
+
+def _add_curtains(shell: PolygonMesh, origin: Float64Array, settings: BodySettings) -> PolygonMesh:
     """Add walls from open edges down to the lowest corner of a shell."""
-    used = sorted({c for patch in shell.patches for ring in patch.rings for c in ring})
-    base = float(shell.points[used, 2].min())
+    base = _lowest_corner(shell)
     edges = [(shell.points[b], shell.points[a]) for a, b in open_edges(shell.patches)]
     polygons = [curtain.rings() for curtain in curtains_below_edges(edges, base)]
     if not polygons:
         return shell
-    before = [[shell.points[list(ring)] for ring in patch.rings] for patch in shell.patches]
     charts = [patch.chart for patch in shell.patches] + [-1] * len(polygons)
     semantics = [patch.semantic for patch in shell.patches] + [-1] * len(polygons)
-    return weld_polygons([*before, *polygons], charts, semantics, origin)
+    return weld_polygons([*_ring_points(shell), *polygons], charts, semantics, origin, settings)
 
 
-def _close_small_holes(whole: PolygonMesh, main: Sequence[int]) -> tuple[PolygonMesh, list[int]]:
+def _close_small_holes(
+    whole: PolygonMesh, main: Sequence[int], settings: BodySettings
+) -> tuple[PolygonMesh, list[int]]:
     """Close the small holes of the main component; returns the polygons and the main component with the new ones."""
     chosen = whole.subset(main)
     rings = []
     for ring in trace_loops([(b, a) for a, b in open_edges(chosen.patches)]):
         points = whole.points[list(ring)]
-        if np.linalg.norm(points - np.roll(points, 1, axis=0), axis=1).sum() < MAX_HOLE_PERIMETER_M:
+        if np.linalg.norm(points - np.roll(points, 1, axis=0), axis=1).sum() < settings.max_hole_perimeter_m:
             rings.append(MeshPolygon((ring,)))
     return PolygonMesh(whole.points, (*whole.patches, *rings)), [
         *main,
@@ -192,22 +220,22 @@ def _close_small_holes(whole: PolygonMesh, main: Sequence[int]) -> tuple[Polygon
     ]
 
 
-def _collapse_pinched_edges(shell: PolygonMesh) -> PolygonMesh:
+def _collapse_pinched_edges(shell: PolygonMesh, settings: BodySettings) -> PolygonMesh:
     """Collapse short edges at which more than two polygons meet."""
     count = count_edges(shell.patches)
     to: dict[int, int] = {}
     for (a, b), n in sorted(count.items()):
-        if n > 1 and a < b and np.linalg.norm(shell.points[a] - shell.points[b]) < MAX_HOLE_PERIMETER_M / 2:
+        if n > 1 and a < b and np.linalg.norm(shell.points[a] - shell.points[b]) < settings.max_hole_perimeter_m / 2:
             to[b] = to.get(a, a)
     if not to:
         return shell
     moved = [replace(p, rings=tuple(tuple(to.get(c, c) for c in ring) for ring in p.rings)) for p in shell.patches]
-    return split_edges_at_corners(PolygonMesh(shell.points, tuple(moved)))
+    return split_edges_at_corners(PolygonMesh(shell.points, tuple(moved)), settings)
 
 
-def _peel_open_patches(whole: PolygonMesh, chosen: Sequence[int]) -> list[int]:
+def _peel_open_patches(whole: PolygonMesh, chosen: Sequence[int], settings: BodySettings) -> list[int]:
     """Remove patches with an edge open above the foot until none is left."""
-    low = min(whole.points[c, 2] for i in chosen for ring in whole.patches[i].rings for c in ring) + MAX_FOOT_HEIGHT_M
+    low = _lowest_corner(whole.subset(chosen)) + settings.max_foot_height_m
     kept = list(chosen)
     while True:
         there = {edge for i in kept for edge in whole.patches[i].edges()}
@@ -221,7 +249,7 @@ def _peel_open_patches(whole: PolygonMesh, chosen: Sequence[int]) -> list[int]:
         kept = left
 
 
-def _cover_open_loops(shell: PolygonMesh, ground: int) -> PolygonMesh | None:
+def _cover_open_loops(shell: PolygonMesh, ground: int, settings: BodySettings) -> PolygonMesh | None:
     """Close open loops by planar polygons, level ones at the foot as ground; None if a loop is not planar."""
     rings = trace_loops([(b, a) for a, b in open_edges(shell.patches)])
     planes: dict[tuple[int, ...], list[tuple[int, ...]]] = {}
@@ -229,7 +257,7 @@ def _cover_open_loops(shell: PolygonMesh, ground: int) -> PolygonMesh | None:
         points = shell.points[list(ring)]
         normal = ring_area_vector(points)
         size = float(np.linalg.norm(normal))
-        if size < 1e-9 or np.abs((points - points.mean(axis=0)) @ normal).max() > MAX_OFF_PLANE_M * size:
+        if size < 1e-9 or np.abs((points - points.mean(axis=0)) @ normal).max() > settings.max_off_plane_m * size:
             return None
         normal = normal * np.sign(normal[np.argmax(np.abs(normal))]) / size
         # heights on the grid never fall between two bins, so rings of one level plane share a bin
@@ -237,31 +265,32 @@ def _cover_open_loops(shell: PolygonMesh, ground: int) -> PolygonMesh | None:
         planes.setdefault(key, []).append(ring)
     covers: list[MeshPolygon] = []
     for own in planes.values():
-        covers += _nest_rings(shell.points, own)
-    low = min((shell.points[c, 2] for p in shell.patches for r in p.rings for c in r), default=0.0)
+        covers += _nest_rings(shell.points, own, settings)
+    low = _lowest_corner(shell)
 
     def name_patch(patch: MeshPolygon) -> MeshPolygon:
         down = ring_area_vector(shell.points[list(patch.rings[0])])
         level = down[2] < -0.9 * np.linalg.norm(down)
         return (
             replace(patch, semantic=ground)
-            if level and shell.points[patch.rings[0][0], 2] < low + MAX_FOOT_HEIGHT_M
+            if level and shell.points[patch.rings[0][0], 2] < low + settings.max_foot_height_m
             else patch
         )
 
     return PolygonMesh(shell.points, (*shell.patches, *map(name_patch, covers)))
 
 
-def _nest_rings(points: Float64Array, rings: Sequence[tuple[int, ...]]) -> list[MeshPolygon]:
+def _nest_rings(points: Float64Array, rings: Sequence[tuple[int, ...]], settings: BodySettings) -> list[MeshPolygon]:
     """Combine rings of one plane to polygons; rings against the largest are holes of the smallest around them."""
-    normal = max((ring_area_vector(points[list(ring)]) for ring in rings), key=lambda one: float(np.linalg.norm(one)))
+    areas = [ring_area_vector(points[list(ring)]) for ring in rings]
+    normal = max(areas, key=lambda one: float(np.linalg.norm(one)))
     axes = plane_axes(normal / np.linalg.norm(normal))
     flat = [shapely.Polygon(points[list(ring)] @ axes.T) for ring in rings]
-    outer = [i for i, ring in enumerate(rings) if ring_area_vector(points[list(ring)]) @ normal > 0]
-    holes: dict[int, list[tuple[int, ...]]] = {i: [] for i in outer}
+    outer = [i for i, area in enumerate(areas) if area @ normal > 0]
+    holes: dict[int, list[tuple[int, ...]]] = defaultdict(list)
     for i in set(range(len(rings))) - set(outer):
         corner = shapely.Point(flat[i].exterior.coords[0])
-        around = [k for k in outer if flat[k].buffer(MAX_OFF_PLANE_M).covers(corner)]
+        around = [k for k in outer if flat[k].buffer(settings.max_off_plane_m).covers(corner)]
         if around:
             holes[min(around, key=lambda k: flat[k].area)].append(rings[i])
     return [MeshPolygon((rings[i], *holes[i])) for i in outer]

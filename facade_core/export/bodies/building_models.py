@@ -29,7 +29,8 @@ from facade_core.export.bodies.patches import (
     weld_polygons,
 )
 from facade_core.export.bodies.recess import recess_opening
-from facade_core.export.models.textured_mesh import PackedCharts
+from facade_core.export.bodies.settings import BODY_SETTINGS, BodySettings
+from facade_core.export.models.textured_mesh import PackedCharts, TexturedMesh
 from facade_core.geometry.charts import CHART_KINDS, ChartKind
 
 SURFACE_TYPES = {
@@ -42,8 +43,6 @@ SURFACE_TYPES = {
     "metal": "RoofSurface",
 }
 OPENING_TYPES = {"window": "Window", "door": "Door"}
-# Attachments whose boxes are closer than this form one part, metres.
-MAX_GROUP_GAP_M = 0.05
 
 
 class SemanticsBuilder:
@@ -105,6 +104,7 @@ def build_building_model_parts(
     origin: Float64Array,
     *,
     has_assumed_roof: bool = False,
+    settings: BodySettings = BODY_SETTINGS,
 ) -> BuildingModelParts:
     """Build the parts of one building's model.
 
@@ -119,45 +119,52 @@ def build_building_model_parts(
     layouts : elements of a chart in metres, y down.
     origin : (3,) origin of the grid of corners, world metres.
     has_assumed_roof : True if the roof shape is assumed; its panes are drawn, not known openings, and count as roof.
+    settings : numbers of bodies.
     """
-    source, mesh = packed.source, packed.source.mesh
+    source = packed.source
     surfaces = SemanticsBuilder()
-    semantics: dict[int, int] = {}
-    for chart in np.unique(mesh.chart[triangles]).tolist():
-        own_kind = int(source.charts.kind[chart])
-        kind = SURFACE_TYPES[
-            CHART_KINDS[ChartKind.ROOF if has_assumed_roof and own_kind == ChartKind.WINDOW else own_kind]
-        ]
-        semantics[chart] = (
-            surfaces.add({"type": kind, "facade": facades[chart]}) if chart in facades else surfaces.get_or_add(kind)
-        )
+    semantics = _add_chart_semantics(surfaces, source, triangles, facades, has_assumed_roof)
     ground, closing = surfaces.get_or_add("GroundSurface"), surfaces.get_or_add("WallSurface")
-    body = build_body(source, triangles, semantics, ground, origin)
+    body = build_body(source, triangles, semantics, ground, origin, settings)
     faces: list[ModelFace] = []
     balconies: list[tuple[str, ModelPart]] = []
     ledges: list[tuple[str, ModelPart]] = []
     behind = [_shell_triangles(body.shell)] if layouts else []
     for patch in body.shell.patches:
         chart, elements = patch.chart, layouts.get(patch.chart, ())
-        if elements and source.charts.kind[chart] == ChartKind.WALL:
-            wall = _chart_polygon(packed, [body.shell.points[list(ring)] for ring in patch.rings], chart)
-            before = place_balconies(wall, elements) if wall.is_valid else []
-            faces += _cut_openings(
-                packed, body.shell, patch, extend_windows_behind_railings(elements, before), surfaces, behind
-            )
-            if wall.is_valid:
-                balconies += [(facades[chart], _attach_to_wall(packed, chart, balcony_faces(box))) for box in before]
-                ledges += [
-                    (facades[chart], _attach_to_wall(packed, chart, ledge_faces(box)))
-                    for box in place_ledges(wall, elements)
-                ]
-        else:
-            rings = tuple(body.shell.points[list(ring)] for ring in patch.rings)
+        rings = [body.shell.points[list(ring)] for ring in patch.rings]
+        if not elements or source.charts.kind[chart] != ChartKind.WALL:
             faces.append(make_face(packed, rings, patch.semantic if patch.semantic >= 0 else closing, chart))
-    attachments = tuple(_make_attachment(packed, pieces, surfaces.surfaces) for pieces in _group_attachments(body))
+            continue
+        wall = _chart_polygon(packed, rings, chart)
+        before = place_balconies(wall, elements) if wall.is_valid else []
+        windows = extend_windows_behind_railings(elements, before)
+        faces += _cut_openings(packed, body.shell, patch, windows, surfaces, behind)
+        balconies += [(facades[chart], _attach_to_wall(packed, chart, balcony_faces(box))) for box in before]
+        along = place_ledges(wall, elements) if wall.is_valid else []
+        ledges += [(facades[chart], _attach_to_wall(packed, chart, ledge_faces(box))) for box in along]
+    attachments = _make_attachments(packed, body, surfaces.surfaces, settings)
     return BuildingModelParts(
         ModelPart(faces, surfaces.surfaces, body.is_closed), attachments, tuple(balconies), tuple(ledges)
     )
+
+
+def _add_chart_semantics(
+    surfaces: SemanticsBuilder,
+    source: TexturedMesh,
+    triangles: IntArray,
+    facades: Mapping[int, str],
+    has_assumed_roof: bool,
+) -> dict[int, int]:
+    """Add the semantic surfaces of a building's charts and return their indices by chart."""
+    semantics = {}
+    for chart in np.unique(source.mesh.chart[triangles]).tolist():
+        kind = int(source.charts.kind[chart])
+        name = SURFACE_TYPES[CHART_KINDS[ChartKind.ROOF if has_assumed_roof and kind == ChartKind.WINDOW else kind]]
+        semantics[chart] = (
+            surfaces.add({"type": name, "facade": facades[chart]}) if chart in facades else surfaces.get_or_add(name)
+        )
+    return semantics
 
 
 def make_face(
@@ -236,19 +243,26 @@ def _shell_triangles(shell: PolygonMesh) -> Float64Array:
     return shell.points[np.concatenate(found)] if found else np.zeros((0, 3, 3))
 
 
-def _group_attachments(body: BuildingBody) -> list[list[PolygonMesh]]:
-    """Group the attachments whose boxes come within MAX_GROUP_GAP_M of each other."""
+def _group_attachments(body: BuildingBody, settings: BodySettings) -> list[list[PolygonMesh]]:
+    """Group the attachments whose boxes almost touch."""
     if not body.attachments:
         return []
     corners = [
         piece.points[sorted({c for p in piece.patches for r in p.rings for c in r})] for piece in body.attachments
     ]
     low, high = (np.array([edge(own, axis=0) for own in corners]) for edge in (np.min, np.max))
-    near = ((low[:, None] <= high[None] + MAX_GROUP_GAP_M) & (high[:, None] >= low[None] - MAX_GROUP_GAP_M)).all(
-        axis=-1
-    )
+    near = (
+        (low[:, None] <= high[None] + settings.max_group_gap_m)
+        & (high[:, None] >= low[None] - settings.max_group_gap_m)
+    ).all(axis=-1)
     _, of = connected_components(near, directed=False)
     return [[body.attachments[i] for i in np.flatnonzero(of == k)] for k in range(of.max() + 1)]
+
+
+def _make_attachments(
+    packed: PackedCharts, body: BuildingBody, surfaces: Sequence[SemanticSurface], settings: BodySettings
+) -> tuple[ModelPart, ...]:
+    return tuple(_make_attachment(packed, pieces, surfaces) for pieces in _group_attachments(body, settings))
 
 
 def _make_attachment(
@@ -263,7 +277,9 @@ def _make_attachment(
     return ModelPart(faces, own.surfaces, False)
 
 
-def ground_faces(packed: PackedCharts, triangles: IntArray, origin: Float64Array) -> list[list[ModelFace]]:
+def ground_faces(
+    packed: PackedCharts, triangles: IntArray, origin: Float64Array, settings: BodySettings = BODY_SETTINGS
+) -> list[list[ModelFace]]:
     """Build the terrain as textured triangles in connected pieces, split at T-junctions.
 
     Parameters
@@ -271,10 +287,11 @@ def ground_faces(packed: PackedCharts, triangles: IntArray, origin: Float64Array
     packed : charts with their texture pages.
     triangles : (t,) triangles of the ground.
     origin : (3,) origin of the grid of corners, world metres.
+    settings : numbers of bodies.
     """
     mesh = packed.source.mesh
     corners = [[ring] for ring in mesh.vertices[mesh.triangles[triangles]]]
-    whole = weld_polygons(corners, mesh.chart[triangles].tolist(), [0] * len(triangles), origin)
+    whole = weld_polygons(corners, mesh.chart[triangles].tolist(), [0] * len(triangles), origin, settings)
     patches = [
         MeshPolygon((tuple(ring),), patch.chart, 0)
         for patch in whole.patches

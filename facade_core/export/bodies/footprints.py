@@ -8,21 +8,15 @@ from shapely import MultiPolygon, Polygon
 
 from facade_core.core.arrays import IntArray
 from facade_core.core.grouping import group_rows
+from facade_core.export.bodies.settings import FOOTPRINT_SETTINGS, FootprintSettings
 from facade_core.export.models.textured_mesh import TexturedMesh
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.walls import MAX_FACING_COSINE
 
-# Grid on which corners are snapped so that nearly shared edges meet, metres.
-SNAP_GRID_M = 0.001
-# Ceilings of passages are at least this far below the lowest corner of the roofs, metres.
-MIN_BELOW_ROOF_M = 0.4
-# Maximum distance between a ceiling and the upper edge of a wall below it, metres.
-MAX_CEILING_GAP_M = 0.01
-# Minimum area of a part of a footprint, m2.
-MIN_PART_M2 = 0.1
 
-
-def building_footprint(source: TexturedMesh, triangles: IntArray) -> list[Polygon]:
+def building_footprint(
+    source: TexturedMesh, triangles: IntArray, settings: FootprintSettings = FOOTPRINT_SETTINGS
+) -> list[Polygon]:
     """Compute the footprint of a building: the area under its roofs without eaves.
 
     Eaves have a ceiling below them; the area over a passage counts. If ceilings cover everything, or there is no roof, all
@@ -32,29 +26,38 @@ def building_footprint(source: TexturedMesh, triangles: IntArray) -> list[Polygo
     ----------
     source : textured mesh.
     triangles : (t,) triangles of the building.
+    settings : numbers of footprints.
     """
     kind = source.charts.kind[source.mesh.chart[triangles]]
     roof = triangles[kind == ChartKind.ROOF]
-    covered = _covered_area(source, roof if len(roof) else triangles)
-    over_passage = np.isin(source.mesh.chart[triangles], _passage_ceilings(source, triangles, roof))
-    open_below = _covered_area(source, triangles[(kind == ChartKind.CEILING) & ~over_passage])
-    standing = _polygon_parts(shapely.difference(covered, open_below, grid_size=SNAP_GRID_M)) if len(roof) else []
-    return standing or _polygon_parts(covered)
+    covered = _covered_area(source, roof if len(roof) else triangles, settings)
+    over_passage = np.isin(source.mesh.chart[triangles], _passage_ceilings(source, triangles, roof, settings))
+    open_below = _covered_area(source, triangles[(kind == ChartKind.CEILING) & ~over_passage], settings)
+    standing = (
+        _polygon_parts(shapely.difference(covered, open_below, grid_size=settings.snap_grid_m), settings)
+        if len(roof)
+        else []
+    )
+    return standing or _polygon_parts(covered, settings)
 
 
-def _passage_ceilings(source: TexturedMesh, triangles: IntArray, roof: IntArray) -> list[int]:
+def _passage_ceilings(
+    source: TexturedMesh, triangles: IntArray, roof: IntArray, settings: FootprintSettings
+) -> list[int]:
     """Return the charts of ceilings far below the roof between two walls that face each other."""
     charts, mesh = source.charts, source.mesh
     own = np.unique(mesh.chart[triangles])
     lowest_roof = mesh.vertices[mesh.triangles[roof], 2].min(initial=np.inf)
-    low = own[(charts.kind[own] == ChartKind.CEILING) & (charts.origin[own, 2] < lowest_roof - MIN_BELOW_ROOF_M)]
+    low = own[
+        (charts.kind[own] == ChartKind.CEILING) & (charts.origin[own, 2] < lowest_roof - settings.min_below_roof_m)
+    ]
     walls = own[charts.kind[own] == ChartKind.WALL]
     found = []
     for ceiling in low.tolist():
-        below = walls[np.abs(charts.origin[walls, 2] - charts.origin[ceiling, 2]) < MAX_CEILING_GAP_M]
-        area = _covered_area(source, triangles[mesh.chart[triangles] == ceiling])
+        below = walls[np.abs(charts.origin[walls, 2] - charts.origin[ceiling, 2]) < settings.max_ceiling_gap_m]
+        area = _covered_area(source, triangles[mesh.chart[triangles] == ceiling], settings)
         edges = shapely.linestrings(charts.points_at_shares(below, np.array([[0.0, 0.0], [1.0, 0.0]]))[..., :2])
-        below = below[shapely.distance(area, edges) < MAX_CEILING_GAP_M]
+        below = below[shapely.distance(area, edges) < settings.max_ceiling_gap_m]
         middle, normal = charts.points_at_shares(below, np.array([[0.5, 0.0]]))[:, 0], charts.normals()[below]
         ahead = np.einsum("ijk,ik->ij", middle[None] - middle[:, None], normal)
         if ((normal @ normal.T < MAX_FACING_COSINE) & (ahead > 0)).any():
@@ -62,20 +65,22 @@ def _passage_ceilings(source: TexturedMesh, triangles: IntArray, roof: IntArray)
     return found
 
 
-def _covered_area(source: TexturedMesh, triangles: IntArray) -> shapely.Geometry:
+def _covered_area(source: TexturedMesh, triangles: IntArray, settings: FootprintSettings) -> shapely.Geometry:
     flat = shapely.polygons(source.mesh.vertices[source.mesh.triangles[triangles]][..., :2])
-    return shapely.union_all(flat[shapely.area(flat) > SNAP_GRID_M**2], grid_size=SNAP_GRID_M)
+    return shapely.union_all(flat[shapely.area(flat) > settings.snap_grid_m**2], grid_size=settings.snap_grid_m)
 
 
-def _polygon_parts(covered: shapely.Geometry) -> list[Polygon]:
+def _polygon_parts(covered: shapely.Geometry, settings: FootprintSettings) -> list[Polygon]:
     parts = shapely.get_parts(covered)
-    return [part for part in parts if part.geom_type == "Polygon" and part.area >= MIN_PART_M2]
+    return [part for part in parts if part.geom_type == "Polygon" and part.area >= settings.min_part_m2]
 
 
-def building_footprints(source: TexturedMesh) -> dict[int, MultiPolygon]:
+def building_footprints(
+    source: TexturedMesh, settings: FootprintSettings = FOOTPRINT_SETTINGS
+) -> dict[int, MultiPolygon]:
     """Compute the footprint of every building that has one."""
     parts = {
-        building: building_footprint(source, triangles)
+        building: building_footprint(source, triangles, settings)
         for building, triangles in group_rows(source.charts.building[source.mesh.chart]).items()
         if building >= 0
     }

@@ -12,23 +12,18 @@ from facade_core.core.arrays import UInt8Array
 from facade_core.core.types import Element
 from facade_core.export.bodies.balconies import WallFrameFace
 from facade_core.export.bodies.mouldings import WallBand, free_wall_mask, split_wall_into_bands
+from facade_core.export.bodies.settings import LEDGE_SETTINGS, LedgeSettings
 
-# Depth of a ledge, metres.
-LEDGE_DEPTH_M = 0.08
-# Minimum height of a ledge, metres.
-MIN_LEDGE_HEIGHT_M = 0.08
-# Maximum height of a ledge, metres.
-MAX_LEDGE_HEIGHT_M = 0.6
-# Minimum length of a ledge, metres.
-MIN_LEDGE_LENGTH_M = 0.8
-# Minimum contrast of a ledge to the wall, as share of the wall's light.
-MIN_LIGHTER_SHARE = 0.06
-# Distance of a ledge from openings and balconies, metres.
-ELEMENT_CLEARANCE_M = 0.06
 LEDGE_LABEL = "ledge"
 
 
-def detect_ledges(image: UInt8Array, labels: UInt8Array, elements: Sequence[Element], density: float) -> list[Element]:
+def detect_ledges(
+    image: UInt8Array,
+    labels: UInt8Array,
+    elements: Sequence[Element],
+    density: float,
+    settings: LedgeSettings = LEDGE_SETTINGS,
+) -> list[Element]:
     """Detect the ledges of a facade as elements of its whole width.
 
     Parameters
@@ -37,6 +32,7 @@ def detect_ledges(image: UInt8Array, labels: UInt8Array, elements: Sequence[Elem
     labels : (h, w) facade classes.
     elements : elements in metres.
     density : texels per metre.
+    settings : numbers of ledges.
     """
     free = free_wall_mask(labels, [(e.x0, e.y0, e.x1, e.y1) for e in elements], density)
     bands = split_wall_into_bands(image, free, density)
@@ -45,51 +41,60 @@ def detect_ledges(image: UInt8Array, labels: UInt8Array, elements: Sequence[Elem
         Element(LEDGE_LABEL, 0.0, band.top, width, band.foot)
         for above, band, below in zip([None, *bands], bands, [*bands[1:], None], strict=False)
         if band.is_moulding
-        and MIN_LEDGE_HEIGHT_M <= band.height <= MAX_LEDGE_HEIGHT_M
+        and settings.min_ledge_height_m <= band.height <= settings.max_ledge_height_m
         and below is not None
-        and _is_lighter(band, above, below)
+        and _is_lighter(band, above, below, settings)
     ]
 
 
-def _is_lighter(band: WallBand, above: WallBand | None, below: WallBand) -> bool:
+def _is_lighter(band: WallBand, above: WallBand | None, below: WallBand, settings: LedgeSettings) -> bool:
     """Return True if a band is lighter than its neighbours; the topmost band has one."""
     light = float(band.colour.mean())
-    return all(light >= (1 + MIN_LIGHTER_SHARE) * float(one.colour.mean()) for one in (above, below) if one is not None)
+    return all(
+        light >= (1 + settings.min_lighter_share) * float(one.colour.mean())
+        for one in (above, below)
+        if one is not None
+    )
 
 
-def place_ledges(wall: Polygon, elements: Sequence[Element]) -> list[Polygon]:
+def place_ledges(wall: Polygon, elements: Sequence[Element], settings: LedgeSettings = LEDGE_SETTINGS) -> list[Polygon]:
     """Place the ledges of a wall as rectangles in its chart's frame that cross no other element."""
-    west, north, east, south = wall.bounds
-    others = [
-        shapely.box(
-            e.x0 - ELEMENT_CLEARANCE_M,
-            e.y0 - ELEMENT_CLEARANCE_M,
-            e.x1 + ELEMENT_CLEARANCE_M,
-            e.y1 + ELEMENT_CLEARANCE_M,
-        )
-        for e in elements
-        if e.label != LEDGE_LABEL
-    ]
+    _, north, _, south = wall.bounds
+    gap = settings.element_clearance_m
+    others = [(e.x0 - gap, e.y0 - gap, e.x1 + gap, e.y1 + gap) for e in elements if e.label != LEDGE_LABEL]
     found: list[Polygon] = []
     for ledge in sorted((e for e in elements if e.label == LEDGE_LABEL), key=lambda e: (e.y0, e.x0)):
         top, foot = max(ledge.y0, north), min(ledge.y1, south)
-        if foot - top < MIN_LEDGE_HEIGHT_M:
-            continue
-        crossing = [box.bounds for box in others if box.bounds[1] < foot and box.bounds[3] > top]
-        # where the wall is lower than the ledge, its end or a gable cuts it
-        start = west
-        for left, _, right, _ in [*sorted(crossing), (east, 0, east, 0)]:
-            box = shapely.box(start, top, max(start, min(left, east)), foot)
-            if left - start >= MIN_LEDGE_LENGTH_M and wall.buffer(ELEMENT_CLEARANCE_M / 2).contains(box):
-                found.append(box)
-            start = max(start, right)
+        if foot - top >= settings.min_ledge_height_m:
+            found += _ledge_pieces(wall, (top, foot), others, settings)
     return found
 
 
-def ledge_faces(box: Polygon) -> list[WallFrameFace]:
+def _ledge_pieces(
+    wall: Polygon,
+    rows: tuple[float, float],
+    others: Sequence[tuple[float, float, float, float]],
+    settings: LedgeSettings,
+) -> list[Polygon]:
+    """Return the rectangles of a ledge between the boxes of other elements that cross its rows."""
+    west, _, east, _ = wall.bounds
+    top, foot = rows
+    # where the wall is lower than the ledge, its end or a gable cuts it
+    around = wall.buffer(settings.element_clearance_m / 2)
+    crossing = sorted(box for box in others if box[1] < foot and box[3] > top)
+    pieces, start = [], west
+    for left, _, right, _ in [*crossing, (east, 0, east, 0)]:
+        box = shapely.box(start, top, max(start, min(left, east)), foot)
+        if left - start >= settings.min_ledge_length_m and around.contains(box):
+            pieces.append(box)
+        start = max(start, right)
+    return pieces
+
+
+def ledge_faces(box: Polygon, settings: LedgeSettings = LEDGE_SETTINGS) -> list[WallFrameFace]:
     """Build the closed body of a ledge over a rectangle of its wall."""
     x0, y0, x1, y1 = box.bounds
-    out = LEDGE_DEPTH_M
+    out = settings.ledge_depth_m
 
     def face(corners: list[tuple[float, float, float]], places: list[tuple[float, float]], kind: str) -> WallFrameFace:
         return [np.array(corners)], [np.array(places)], kind

@@ -10,19 +10,7 @@ import numpy as np
 from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, UInt8Array
 from facade_core.core.labels import FacadeClass
 from facade_core.core.linear_light import srgb_to_linear
-
-# Lower bands are mouldings (cornice, string course, edge of a plinth), metres.
-MAX_MOULDING_HEIGHT_M = 0.7
-# Minimum step of the row colour at the border of two bands, grey levels.
-MIN_COLOUR_STEP = 11.0
-# Rows above and below that are averaged, metres; more than a course of bricks.
-STEP_WINDOW_M = 0.15
-# Minimum share of free wall in a row whose colour counts.
-MIN_FREE_SHARE = 0.03
-# Margin around elements that is ignored, metres.
-ELEMENT_MARGIN_M = 0.1
-# Colour samples from the top of a band to its foot.
-PROFILE_SAMPLES = 12
+from facade_core.export.bodies.settings import MOULDING_SETTINGS, MouldingSettings
 
 
 @dataclass(frozen=True)
@@ -34,7 +22,7 @@ class WallBand:
     top, foot : metres from the top of the wall.
     is_moulding : True for a cornice, a string course or the edge of a plinth.
     colour : (3,) mean, linear light.
-    profile : (PROFILE_SAMPLES, 3) colours from its top to its foot, linear light.
+    profile : (`profile_samples`, 3) colours from its top to its foot, linear light.
     """
 
     top: float
@@ -49,7 +37,12 @@ class WallBand:
         return self.foot - self.top
 
 
-def free_wall_mask(labels: UInt8Array, boxes: Sequence[tuple[float, float, float, float]], density: float) -> BoolArray:
+def free_wall_mask(
+    labels: UInt8Array,
+    boxes: Sequence[tuple[float, float, float, float]],
+    density: float,
+    settings: MouldingSettings = MOULDING_SETTINGS,
+) -> BoolArray:
     """Compute the mask of free wall outside of boxes.
 
     Parameters
@@ -57,6 +50,7 @@ def free_wall_mask(labels: UInt8Array, boxes: Sequence[tuple[float, float, float
     labels : (h, w) facade classes.
     boxes : x0, y0, x1, y1 in metres.
     density : texels per metre.
+    settings : numbers of bands.
 
     Returns
     -------
@@ -64,13 +58,15 @@ def free_wall_mask(labels: UInt8Array, boxes: Sequence[tuple[float, float, float
     """
     free = np.isin(labels, (FacadeClass.WALL, FacadeClass.ROOF))
     for x0, y0, x1, y1 in boxes:
-        left, top = (max(0, int((low - ELEMENT_MARGIN_M) * density)) for low in (x0, y0))
-        right, foot = (int(np.ceil((high + ELEMENT_MARGIN_M) * density)) for high in (x1, y1))
+        left, top = (max(0, int((low - settings.element_margin_m) * density)) for low in (x0, y0))
+        right, foot = (int(np.ceil((high + settings.element_margin_m) * density)) for high in (x1, y1))
         free[top:foot, left:right] = False
     return free
 
 
-def split_wall_into_bands(image: UInt8Array, free: BoolArray, density: float) -> list[WallBand]:
+def split_wall_into_bands(
+    image: UInt8Array, free: BoolArray, density: float, settings: MouldingSettings = MOULDING_SETTINGS
+) -> list[WallBand]:
     """Split a wall picture into horizontal bands, from its top.
 
     Parameters
@@ -78,20 +74,21 @@ def split_wall_into_bands(image: UInt8Array, free: BoolArray, density: float) ->
     image : (h, w, 3) uint8.
     free : (h, w) bool, free wall.
     density : texels per metre.
+    settings : numbers of bands.
     """
-    rows = _row_colours(image, free)
-    cuts = [0, *_find_borders(rows, max(1, round(STEP_WINDOW_M * density))), len(rows)]
+    rows = _row_colours(image, free, settings)
+    cuts = [0, *_find_borders(rows, max(1, round(settings.step_window_m * density)), settings), len(rows)]
     spans: list[list[int]] = []
     for top, foot in zip(cuts[:-1], cuts[1:], strict=True):
-        low = (foot - top) / density < MAX_MOULDING_HEIGHT_M
+        low = (foot - top) / density < settings.max_moulding_height_m
         if spans and low and spans[-1][2]:
             spans[-1][1] = foot
         else:
             spans.append([top, foot, int(low)])
-    return [_make_band(rows, top, foot, bool(low) and len(spans) > 1, density) for top, foot, low in spans]
+    return [_make_band(rows, top, foot, bool(low) and len(spans) > 1, density, settings) for top, foot, low in spans]
 
 
-def _find_borders(rows: Float64Array, reach: int) -> list[int]:
+def _find_borders(rows: Float64Array, reach: int, settings: MouldingSettings) -> list[int]:
     """Find the rows where the mean colours of `reach` rows above and below differ most; rows (h, 3)."""
     height = len(rows)
     total = np.concatenate([np.zeros((1, 3)), np.cumsum(rows, axis=0)])
@@ -101,7 +98,7 @@ def _find_borders(rows: Float64Array, reach: int) -> list[int]:
     step = np.concatenate([[0.0], np.abs(off).max(axis=1), [0.0]])
     found: list[int] = []
     for row in np.argsort(-step, kind="stable").tolist():
-        if step[row] <= MIN_COLOUR_STEP:
+        if step[row] <= settings.min_colour_step:
             break
         highest = step[row] >= step[max(row - 1, 0) : row + 2].max()
         if highest and all(abs(row - other) >= max(2, reach // 2) for other in found):
@@ -109,16 +106,18 @@ def _find_borders(rows: Float64Array, reach: int) -> list[int]:
     return sorted(found)
 
 
-def _make_band(rows: Float64Array, top: int, foot: int, moulding: bool, density: float) -> WallBand:
+def _make_band(
+    rows: Float64Array, top: int, foot: int, moulding: bool, density: float, settings: MouldingSettings
+) -> WallBand:
     light = srgb_to_linear(np.rint(rows[top:foot]).astype(np.uint8))
-    places = (np.arange(PROFILE_SAMPLES) + 0.5) / PROFILE_SAMPLES * (foot - top) - 0.5
+    places = (np.arange(settings.profile_samples) + 0.5) / settings.profile_samples * (foot - top) - 0.5
     profile = np.stack([np.interp(places, np.arange(foot - top), light[:, band]) for band in range(3)], axis=1)
     return WallBand(top / density, foot / density, moulding, light.mean(axis=0), profile.astype(np.float32))
 
 
-def _row_colours(image: UInt8Array, free: BoolArray) -> Float64Array:
+def _row_colours(image: UInt8Array, free: BoolArray, settings: MouldingSettings) -> Float64Array:
     """Return the median colour (h, 3) of the free wall of every row; rows without enough free wall take the nearest."""
-    known = np.flatnonzero(free.mean(axis=1) >= MIN_FREE_SHARE)
+    known = np.flatnonzero(free.mean(axis=1) >= settings.min_free_share)
     if not len(known):
         return np.tile(np.median(image.reshape(-1, 3), axis=0), (len(image), 1))
     medians = np.array([np.median(image[row][free[row]], axis=0) for row in known.tolist()])

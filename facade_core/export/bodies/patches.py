@@ -14,17 +14,7 @@ from scipy.spatial import KDTree
 
 from facade_core.core.arrays import Float64Array, Int32Array, Int64Array
 from facade_core.core.grouping import group_rows
-
-# Grid of written corners, metres.
-GRID_M = 0.001
-# Corners closer than this are merged, metres: eaves, hips and walls miss each other by millimetres.
-MAX_WELD_M = 0.01
-# An edge is split at corners closer than this, metres.
-MAX_OFF_EDGE_M = 0.006
-# Maximum distance of a planar polygon's corners from its plane, metres.
-MAX_OFF_PLANE_M = 0.006
-# Minimum cosine between a planar polygon's normal and those of its triangles.
-MIN_NORMAL_COSINE = 0.96
+from facade_core.export.bodies.settings import BODY_SETTINGS, BodySettings
 
 
 @dataclass(frozen=True)
@@ -67,7 +57,7 @@ class PolygonMesh:
 
     def area_vector(self, patch: MeshPolygon) -> Float64Array:
         """Return the area of a patch as an outward vector (3,), m2."""
-        return sum((ring_area_vector(self.points[list(ring)]) for ring in patch.rings), np.zeros(3))
+        return polygon_area_vector(patch, self.points)
 
 
 def ring_area_vector(points: Float64Array) -> Float64Array:
@@ -77,12 +67,21 @@ def ring_area_vector(points: Float64Array) -> Float64Array:
     return area_vector
 
 
+def polygon_area_vector(patch: MeshPolygon, points: Float64Array) -> Float64Array:
+    """Return the area of a polygon over corners (n, 3) as an outward vector (3,), m2."""
+    return sum((ring_area_vector(points[list(ring)]) for ring in patch.rings), np.zeros(3))
+
+
 def weld_polygons(
-    polygons: Sequence[Sequence[Float64Array]], charts: Sequence[int], semantics: Sequence[int], origin: Float64Array
+    polygons: Sequence[Sequence[Float64Array]],
+    charts: Sequence[int],
+    semantics: Sequence[int],
+    origin: Float64Array,
+    settings: BodySettings = BODY_SETTINGS,
 ) -> PolygonMesh:
     """Weld polygons to a mesh on a grid.
 
-    Corners within MAX_WELD_M merge, edges split at corners on them, and collapsed rings are dropped.
+    Corners closer than `max_weld_m` merge, edges split at corners on them, and collapsed rings are dropped.
 
     Parameters
     ----------
@@ -90,40 +89,44 @@ def weld_polygons(
     charts : chart of each polygon.
     semantics : semantic surface of each polygon.
     origin : (3,) origin of the grid, world metres.
+    settings : numbers of bodies.
     """
     if not polygons:
         return PolygonMesh(np.zeros((0, 3)), ())
     rings = [ring for polygon in polygons for ring in polygon]
-    points, of = weld_corners(np.concatenate(rings), origin)
+    points, of = weld_corners(np.concatenate(rings), origin, settings)
     index = iter(np.split(of, np.cumsum([len(ring) for ring in rings])[:-1]))
     whole = [
         MeshPolygon(tuple(tuple(next(index).tolist()) for _ in polygon), chart, semantic)
         for polygon, chart, semantic in zip(polygons, charts, semantics, strict=True)
     ]
-    return split_edges_at_corners(PolygonMesh(points, tuple(whole)))
+    return split_edges_at_corners(PolygonMesh(points, tuple(whole)), settings)
 
 
-def weld_corners(points: Float64Array, origin: Float64Array) -> tuple[Float64Array, Int32Array]:
-    """Snap corners to the grid and merge those within MAX_WELD_M, transitively.
+def weld_corners(
+    points: Float64Array, origin: Float64Array, settings: BodySettings = BODY_SETTINGS
+) -> tuple[Float64Array, Int32Array]:
+    """Snap corners to the grid and merge close ones, transitively.
 
     Parameters
     ----------
     points : (n, 3) world metres.
     origin : (3,) origin of the grid.
+    settings : numbers of bodies.
 
     Returns
     -------
     Merged corners (k, 3), and the index (n,) of each corner in them.
     """
-    points = origin + np.rint((points - origin) / GRID_M) * GRID_M
+    points = origin + np.rint((points - origin) / settings.grid_m) * settings.grid_m
     tree = KDTree(points)
-    near = tree.sparse_distance_matrix(tree, MAX_WELD_M, output_type="coo_matrix")
+    near = tree.sparse_distance_matrix(tree, settings.max_weld_m, output_type="coo_matrix")
     _, of = connected_components(near, directed=False)
     _, first = np.unique(of, return_index=True)
     return points[first], of
 
 
-def split_edges_at_corners(mesh: PolygonMesh) -> PolygonMesh:
+def split_edges_at_corners(mesh: PolygonMesh, settings: BodySettings = BODY_SETTINGS) -> PolygonMesh:
     """Split edges at corners on them and keep the largest simple part of each ring."""
     used = sorted({corner for patch in mesh.patches for ring in patch.rings for corner in ring})
     tree = KDTree(mesh.points[used]) if used else None
@@ -136,28 +139,33 @@ def split_edges_at_corners(mesh: PolygonMesh) -> PolygonMesh:
             assert tree is not None
             start, run = mesh.points[key[0]], mesh.points[key[1]] - mesh.points[key[0]]
             length = float(np.linalg.norm(run))
-            near = number[tree.query_ball_point(start + run / 2, length / 2 + MAX_OFF_EDGE_M)]
+            near = number[tree.query_ball_point(start + run / 2, length / 2 + settings.max_off_edge_m)]
             step = (mesh.points[near] - start) @ run / length
             off = np.linalg.norm(mesh.points[near] - start - step[:, None] * run / length, axis=1)
-            met = (off < MAX_OFF_EDGE_M) & (step > MAX_OFF_EDGE_M) & (step < length - MAX_OFF_EDGE_M)
+            met = (
+                (off < settings.max_off_edge_m)
+                & (step > settings.max_off_edge_m)
+                & (step < length - settings.max_off_edge_m)
+            )
             on[key] = tuple(near[met][np.argsort(step[met], kind="stable")].tolist())
         return on[key] if a < b else on[key][::-1]
 
+    def split(ring: tuple[int, ...]) -> tuple[int, ...]:
+        full: list[int] = []
+        for a, b in zip(ring, ring[1:] + ring[:1], strict=True):
+            if a != b:
+                full += [a, *between(a, b)]
+        return _largest_simple_ring(full, mesh.points, settings)
+
     patches = []
     for patch in mesh.patches:
-        rings = []
-        for ring in patch.rings:
-            full: list[int] = []
-            for a, b in zip(ring, ring[1:] + ring[:1], strict=True):
-                if a != b:
-                    full += [a, *between(a, b)]
-            rings.append(_largest_simple_ring(full, mesh.points))
+        rings = [split(ring) for ring in patch.rings]
         if rings[0]:
             patches.append(replace(patch, rings=tuple(ring for ring in rings if ring)))
     return PolygonMesh(mesh.points, tuple(patches))
 
 
-def _largest_simple_ring(ring: list[int], points: Float64Array) -> tuple[int, ...]:
+def _largest_simple_ring(ring: list[int], points: Float64Array, settings: BodySettings) -> tuple[int, ...]:
     """Return the largest part of a ring that visits no corner twice; empty without area."""
     while len(set(ring)) < len(ring):
         seen: dict[int, int] = {}
@@ -167,7 +175,7 @@ def _largest_simple_ring(ring: list[int], points: Float64Array) -> tuple[int, ..
                 ring = max(inside, outside, key=lambda part: _ring_area(part, points))
                 break
             seen[corner] = k
-    return tuple(ring) if _ring_area(ring, points) > GRID_M * MAX_WELD_M else ()
+    return tuple(ring) if _ring_area(ring, points) > settings.grid_m * settings.max_weld_m else ()
 
 
 def _ring_area(ring: Sequence[int], points: Float64Array) -> float:
@@ -229,34 +237,34 @@ def trace_loops(edges: Sequence[tuple[int, int]]) -> list[tuple[int, ...]]:
     return [ring for ring in found if len(ring) > 2]
 
 
-def triangulate_nonplanar_polygons(mesh: PolygonMesh) -> PolygonMesh:
+def triangulate_nonplanar_polygons(mesh: PolygonMesh, settings: BodySettings = BODY_SETTINGS) -> PolygonMesh:
     """Replace polygons that are not planar by their constrained Delaunay triangles."""
     patches: list[MeshPolygon] = []
     for patch in mesh.patches:
-        patches += _split_nonplanar(patch, mesh.points)
+        patches += _split_nonplanar(patch, mesh.points, settings)
     return PolygonMesh(mesh.points, tuple(patches))
 
 
-def _split_nonplanar(patch: MeshPolygon, points: Float64Array) -> list[MeshPolygon]:
+def _split_nonplanar(patch: MeshPolygon, points: Float64Array, settings: BodySettings) -> list[MeshPolygon]:
     if sum(map(len, patch.rings)) == 3:
         return [patch]
     corners = np.array([corner for ring in patch.rings for corner in ring])
-    normal = sum((ring_area_vector(points[list(ring)]) for ring in patch.rings), np.zeros(3))
+    normal = polygon_area_vector(patch, points)
     normal = normal / max(float(np.linalg.norm(normal)), 1e-12)
     offset = points[corners] - points[corners].mean(axis=0)
     triangles = triangulate_mesh_polygon(patch, points)
     if not len(triangles):
         return [patch]
     sides = np.array([ring_area_vector(points[ring]) for ring in triangles])
-    turned = (sides @ normal) < MIN_NORMAL_COSINE * np.linalg.norm(sides, axis=1)
-    if np.abs(offset @ normal).max() <= MAX_OFF_PLANE_M and not turned.any():
+    turned = (sides @ normal) < settings.min_normal_cosine * np.linalg.norm(sides, axis=1)
+    if np.abs(offset @ normal).max() <= settings.max_off_plane_m and not turned.any():
         return [patch]
     return [replace(patch, rings=(tuple(ring),)) for ring in triangles.tolist()]
 
 
 def triangulate_mesh_polygon(patch: MeshPolygon, points: Float64Array) -> Int64Array:
     """Triangulate a polygon to corner indices (t, 3) with all edges kept; empty if it crosses itself."""
-    normal = sum((ring_area_vector(points[list(ring)]) for ring in patch.rings), np.zeros(3))
+    normal = polygon_area_vector(patch, points)
     size = float(np.linalg.norm(normal))
     if size < 1e-12:
         return np.zeros((0, 3), np.int64)

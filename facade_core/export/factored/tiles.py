@@ -9,7 +9,7 @@ import numpy as np
 
 from facade_core.core.arrays import Int64Array
 from facade_core.core.grouping import RowsByValue
-from facade_core.export.bodies.recess import RECESS_DEPTHS_M
+from facade_core.export.bodies.settings import OPENING_SETTINGS
 from facade_core.export.factored.glb import encode_factored_glb
 from facade_core.export.factored.parts import (
     build_factored_primitives,
@@ -97,7 +97,7 @@ class FactoredLeafBuilder:
             )
             last = number == len(levels) - 1
             self.triangles += sum(len(part.triangles) for part in shown.values()) if last else 0
-            error = 0.0 if last else RECESS_DEPTHS_M[0] * ERROR_PIXELS / MIN_RECESS_PIXELS
+            error = 0.0 if last else OPENING_SETTINGS.recess_depths_m[0] * ERROR_PIXELS / MIN_RECESS_PIXELS
             found.append(
                 DetailLevel(level, glb, z_up_bounds([part.position for part in shown.values()]), error, len(shown))
             )

@@ -14,8 +14,8 @@ from shapely import Polygon
 from facade_core.core.arrays import Float32Array, Float64Array, FloatArray, Int64Array, IntArray, ObjectArray
 from facade_core.core.linear_light import srgb_to_linear
 from facade_core.export.bodies.mouldings import WallBand
-from facade_core.export.bodies.openings import MIN_OPENING_M2, MIN_OPENING_WIDTH_M, WALL_EDGE_M
 from facade_core.export.bodies.recess import recess_opening
+from facade_core.export.bodies.settings import OPENING_SETTINGS
 from facade_core.export.factored.image_quilting import REPEAT_M
 from facade_core.export.factored.library import mean_light
 from facade_core.export.factored.units import FacadeUnit, Rectangle
@@ -225,14 +225,20 @@ class _WallBuilder:
         own = mean_light(self.decomposition.wall_light, _make_rectangle(corner, corner + step * size), density)
         light = np.clip(own / np.maximum(kind.wall_light, 1e-4), MIN_LIGHT_FACTOR, MAX_LIGHT_FACTOR)
         key: TextureKey = ("type", self.library_index, shown)
-        inner = self.plane.outline.buffer(-WALL_EDGE_M, join_style="mitre").intersection(area.buffer(-WALL_EDGE_M / 2))
+        inner = self.plane.outline.buffer(-OPENING_SETTINGS.wall_edge_m, join_style="mitre").intersection(
+            area.buffer(-OPENING_SETTINGS.wall_edge_m / 2)
+        )
         ring: shapely.Geometry = area
         for left, top, right, foot in kind.panes if self.detail.has_recesses else ():
             box = _make_rectangle(corner + step * [left, top], corner + step * [right, foot])
             pane = _largest_polygon(shapely.box(*box).intersection(inner))
-            if pane is None or pane.area < MIN_OPENING_M2 or pane.buffer(-MIN_OPENING_WIDTH_M / 2).is_empty:
+            if (
+                pane is None
+                or pane.area < OPENING_SETTINGS.min_opening_m2
+                or pane.buffer(-OPENING_SETTINGS.min_opening_width_m / 2).is_empty
+            ):
                 continue
-            pane = shapely.orient_polygons(pane.simplify(WALL_EDGE_M / 4), exterior_cw=True)
+            pane = shapely.orient_polygons(pane.simplify(OPENING_SETTINGS.wall_edge_m / 4), exterior_cw=True)
             found = recess_opening(pane, self.charts, self.chart, self.plane.corners, behind)
             if not found.depth:
                 continue

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
 import shapely
 
 from facade_core.core.arrays import UInt8Array
-from facade_core.core.types import SURFACES, MappedGround
+from facade_core.core.types import SURFACES, GroundWay, MappedGround
 from facade_core.export.lighting.pbr_materials import GROUND_MATERIALS, PbrMaterialClass
 from facade_core.geometry.charts import Charts
 
@@ -65,17 +66,21 @@ class GroundMaterialOutlines:
         areas = [(one.outline, GROUND_MATERIALS[SURFACES.index(one.surface)]) for one in self._ground.areas]
         roads = sorted((way for way in self._ground.ways if way.kind == "road"), key=lambda way: way.rank)
         paths = [way for way in self._ground.ways if way.kind in ("path", "cycle", "steps")]
-        pavements = [
-            (way.line.buffer(way.width / 2 + max(way.pavement)), PbrMaterialClass.SLABS)
-            for way in roads
-            if max(way.pavement) > 0
-        ]
-        surfaces = [
-            (way.line.buffer(way.width / 2), GROUND_MATERIALS[SURFACES.index(way.surface)]) for way in (*paths, *roads)
-        ]
-        outlines = [*areas, *pavements, *surfaces]
+        outlines = [*areas, *_pavement_outlines(roads), *_surface_outlines([*paths, *roads])]
         return [(shape, of) for shape, of in outlines if shape.geom_type.endswith("Polygon") and not shape.is_empty]
 
     @cached_property
     def _tree(self) -> shapely.STRtree:
         return shapely.STRtree([shape for shape, _ in self._outlines])
+
+
+def _pavement_outlines(roads: Sequence[GroundWay]) -> list[tuple[shapely.Geometry, int]]:
+    return [
+        (way.line.buffer(way.width / 2 + max(way.pavement)), PbrMaterialClass.SLABS)
+        for way in roads
+        if max(way.pavement) > 0
+    ]
+
+
+def _surface_outlines(ways: Sequence[GroundWay]) -> list[tuple[shapely.Geometry, int]]:
+    return [(way.line.buffer(way.width / 2), GROUND_MATERIALS[SURFACES.index(way.surface)]) for way in ways]

@@ -9,67 +9,16 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float32Array, UInt8Array
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, FacadeClass
+from facade_core.export.lighting.settings import PANE_SETTINGS, PaneSettings
 from facade_core.export.lighting.shop_interiors import shop_interior_light
 from facade_core.parsing.elements import elements
 
-# Width of frames around panes, metres.
-PANE_FRAME_M = 0.06
-# Maximum width of bars, metres.
-MAX_BAR_M = 0.16
-# Minimum contrast of bars brighter than the glass, of 255.
-MIN_BRIGHTER = 26
-# Minimum contrast of bars darker than the glass, of 255.
-MIN_DARKER = 22
-# Pictures with a higher share of bars are ignored.
-MAX_BAR_SHARE = 0.6
-# Share of a shop's height that is its sign.
-SHOP_SIGN_SHARE = 0.2
-# Share of a shop's height that is the wall under its panes.
-SHOP_PLINTH_SHARE = 0.1
-# Maximum slope of a pane.
-MAX_PANE_SLOPE = 0.012
-# Width of a flat, metres.
-FLAT_WIDTH_M = 6.5
-# Height of a floor, metres.
-FLOOR_HEIGHT_M = 3.2
-# Steps in which positions of windows are counted, metres, so that the same ones are lit at any density.
-PLACE_STEP_M = 0.5
-# Range of the share of lit flats in a building.
-LIT_FLAT_SHARE_RANGE = (0.3, 0.65)
-# Share of lit windows in a lit flat.
-LIT_WINDOW_SHARE = 0.8
-# Share of floors with fewer lit flats.
-DIM_FLOOR_SHARE = 0.2
-# Factor on the share of lit flats on such a floor.
-DIM_FLOOR_FACTOR = 0.3
-# Share of lit shops.
-LIT_SHOP_SHARE = 0.85
 # Linear RGB of lamps: warm, warmer, neutral, cool, a screen.
 LAMP_COLOURS = np.array(
     [[1.0, 0.62, 0.3], [1.0, 0.52, 0.2], [1.0, 0.76, 0.5], [0.86, 0.92, 1.0], [0.35, 0.5, 0.9]], np.float32
 )
 # Cumulative shares of the lamps.
 LAMP_CUMULATIVE_SHARES = np.cumsum([0.42, 0.24, 0.18, 0.1, 0.06])
-# Range of a window's brightness.
-WINDOW_LIGHT_RANGE = (0.2, 0.7)
-# Range of a lit shop's brightness.
-SHOP_LIGHT_RANGE = (0.5, 0.8)
-# Brightness of a closed shop.
-CLOSED_SHOP_LIGHT = 0.1
-# Lamps of shops, as indices into LAMP_COLOURS.
-SHOP_LAMPS = (0, 2, 3)
-# Cumulative shares of the lamps of shops.
-SHOP_LAMP_CUMULATIVE_SHARES = (0.5, 0.88, 1.0)
-# Share of a window's light that follows the brightness of its picture.
-WINDOW_PICTURE_SHARE = 0.3
-# Share of a shop's light that follows the brightness of its picture.
-SHOP_PICTURE_SHARE = 0.35
-# Share of lit windows with curtains at their sides.
-SIDE_CURTAIN_SHARE = 0.28
-# Share of lit windows with drawn curtains.
-DRAWN_CURTAIN_SHARE = 0.17
-# Share of lit windows with a blind half down.
-BLIND_SHARE = 0.15
 
 
 @dataclass(frozen=True)
@@ -148,7 +97,9 @@ def find_openings(labels: UInt8Array) -> Iterator[FacadeOpening]:
             yield FacadeOpening(label, x, y, x + width, y + height)
 
 
-def glass_mask(opening: FacadeOpening, grey: UInt8Array, density: float) -> BoolArray:
+def glass_mask(
+    opening: FacadeOpening, grey: UInt8Array, density: float, settings: PaneSettings = PANE_SETTINGS
+) -> BoolArray:
     """Compute the mask of glass in an opening: inside its frame, between the bars visible in the picture.
 
     Parameters
@@ -156,6 +107,7 @@ def glass_mask(opening: FacadeOpening, grey: UInt8Array, density: float) -> Bool
     opening : the window or shop.
     grey : (h, w) uint8 picture of the facade.
     density : texels per metre.
+    settings : numbers of panes.
 
     Returns
     -------
@@ -166,27 +118,27 @@ def glass_mask(opening: FacadeOpening, grey: UInt8Array, density: float) -> Bool
     inside = np.ones(opening.shape, bool)
     height = len(inside)
     if opening.label == FacadeClass.SHOP:
-        panes = _shop_pane_rows(height)
+        panes = _shop_pane_rows(height, settings)
         inside[: panes.start] = False
         inside[panes.stop :] = False
-    frame = max(1, round(PANE_FRAME_M * density))
+    frame = max(1, round(settings.pane_frame_m * density))
     eroded = cv2.erode(np.pad(inside, frame).astype(np.uint8), np.ones((2 * frame + 1,) * 2, np.uint8))
     found: BoolArray = eroded[frame:-frame, frame:-frame] > 0
-    bar = round(MAX_BAR_M * density)
+    bar = round(settings.max_bar_m * density)
     if bar < 2 or opening.label == FacadeClass.SHOP:  # too coarse to show any; a shop's goods have edges too
         return found
     part = np.ascontiguousarray(grey[opening.box])
     kernel = np.ones((bar + 1, bar + 1), np.uint8)
-    bars = np.asarray(cv2.morphologyEx(part, cv2.MORPH_TOPHAT, kernel) > MIN_BRIGHTER)
-    bars |= np.asarray(cv2.morphologyEx(part, cv2.MORPH_BLACKHAT, kernel) > MIN_DARKER)
+    bars = np.asarray(cv2.morphologyEx(part, cv2.MORPH_TOPHAT, kernel) > settings.min_brighter)
+    bars |= np.asarray(cv2.morphologyEx(part, cv2.MORPH_BLACKHAT, kernel) > settings.min_darker)
     clear: BoolArray = found & ~bars
-    return clear if clear.sum() >= (1 - MAX_BAR_SHARE) * found.sum() else found
+    return clear if clear.sum() >= (1 - settings.max_bar_share) * found.sum() else found
 
 
-def _shop_pane_rows(height: int) -> slice:
+def _shop_pane_rows(height: int, settings: PaneSettings) -> slice:
     """Return the rows of a shop's panes, below its sign and above its plinth."""
-    top = round(SHOP_SIGN_SHARE * height)
-    return slice(top, max(top + 1, height - round(SHOP_PLINTH_SHARE * height)))
+    top = round(settings.shop_sign_share * height)
+    return slice(top, max(top + 1, height - round(settings.shop_plinth_share * height)))
 
 
 class SeededRandom:
@@ -214,20 +166,26 @@ def _hash_splitmix64(*numbers: int) -> float:
     return (h >> 11) / 2**53
 
 
-def pane_slope(opening: FacadeOpening, density: float, random: SeededRandom) -> Float32Array:
+def pane_slope(
+    opening: FacadeOpening, density: float, random: SeededRandom, settings: PaneSettings = PANE_SETTINGS
+) -> Float32Array:
     """Return the slopes (2,) float32 to the right and up of an opening's panes."""
-    at = _opening_place(opening, density)
-    return np.array([MAX_PANE_SLOPE * (2 * random.per_wall(*at, turn) - 1) for turn in (1, 2)], np.float32)
+    at = _opening_place(opening, density, settings)
+    return np.array([settings.max_pane_slope * (2 * random.per_wall(*at, turn) - 1) for turn in (1, 2)], np.float32)
 
 
-def _opening_place(opening: FacadeOpening, density: float) -> tuple[int, int]:
+def _opening_place(opening: FacadeOpening, density: float, settings: PaneSettings) -> tuple[int, int]:
     """Return the position of an opening's centre in steps right and down, stable across densities except at step borders."""
     across, down = opening.left + opening.right, opening.top + opening.bottom
-    return int(across / (2 * density * PLACE_STEP_M)), int(down / (2 * density * PLACE_STEP_M))
+    return int(across / (2 * density * settings.place_step_m)), int(down / (2 * density * settings.place_step_m))
 
 
 def opening_emission(
-    opening: FacadeOpening, density: float, height_m: float, random: SeededRandom
+    opening: FacadeOpening,
+    density: float,
+    height_m: float,
+    random: SeededRandom,
+    settings: PaneSettings = PANE_SETTINGS,
 ) -> Float32Array | None:
     """Compute the light of an opening at night.
 
@@ -237,54 +195,59 @@ def opening_emission(
     density : texels per metre.
     height_m : height of the wall, whose foot is at the ground floor.
     random : numbers of the building and wall.
+    settings : numbers of panes.
 
     Returns
     -------
     (h, w, 3) float32 linear 0 to 1 over the box of the opening; None where dark.
     """
-    at = _opening_place(opening, density)
+    at = _opening_place(opening, density, settings)
     over = height_m - (opening.top + opening.bottom) / (2 * density)
-    storey = int(over / FLOOR_HEIGHT_M)
+    storey = int(over / settings.floor_height_m)
     if opening.label == FacadeClass.SHOP:
-        return _shop_light(opening, density, at, random)
+        return _shop_light(opening, density, at, random, settings)
     high, wide = opening.shape
     x, y = ((np.arange(n, dtype=np.float32) + np.float32(0.5)) / n for n in (wide, high))
-    flat = int(at[0] * PLACE_STEP_M / FLAT_WIDTH_M + random.per_building(storey, 21))
-    share = _interpolate(LIT_FLAT_SHARE_RANGE, random.per_building(22))
-    if random.per_building(storey, 23) < DIM_FLOOR_SHARE:
-        share *= DIM_FLOOR_FACTOR
-    if random.per_wall(flat, storey, 24) >= share or random.per_wall(*at, 25) >= LIT_WINDOW_SHARE:
+    flat = int(at[0] * settings.place_step_m / settings.flat_width_m + random.per_building(storey, 21))
+    share = _interpolate(settings.lit_flat_share_range, random.per_building(22))
+    if random.per_building(storey, 23) < settings.dim_floor_share:
+        share *= settings.dim_floor_factor
+    if random.per_wall(flat, storey, 24) >= share or random.per_wall(*at, 25) >= settings.lit_window_share:
         return None
     lamp = LAMP_COLOURS[
         int(np.searchsorted(LAMP_CUMULATIVE_SHARES, random.per_wall(flat, storey, 26)).clip(0, len(LAMP_COLOURS) - 1))
     ]
-    level = _interpolate(WINDOW_LIGHT_RANGE, random.per_wall(*at, 27))
+    level = _interpolate(settings.window_light_range, random.per_wall(*at, 27))
     from_lamp = ((x - (0.25 + 0.5 * random.per_wall(*at, 28))) ** 2)[None] * 2 + ((y - 0.2) ** 2)[:, None] * 1.6
     light = level * (0.35 + 0.65 * np.exp(-2 * from_lamp))
     curtain = random.per_wall(*at, 29)
-    if curtain < SIDE_CURTAIN_SHARE:
+    if curtain < settings.side_curtain_share:
         light = light * np.where(np.abs(x - 0.5) > 0.5 - 0.16 - 0.1 * random.per_wall(*at, 30), 0.45, 1.0)
-    elif curtain < SIDE_CURTAIN_SHARE + DRAWN_CURTAIN_SHARE:
+    elif curtain < settings.side_curtain_share + settings.drawn_curtain_share:
         folds = 0.85 + 0.15 * np.cos(2 * np.pi * (4 * x + random.per_wall(*at, 30)))
         light = 0.5 * level * (0.7 + 0.3 * light / level) * folds
         lamp = lamp * np.array([1.0, 0.88, 0.74], np.float32)
-    elif curtain < SIDE_CURTAIN_SHARE + DRAWN_CURTAIN_SHARE + BLIND_SHARE:
+    elif curtain < settings.side_curtain_share + settings.drawn_curtain_share + settings.blind_share:
         light = light * np.where(y < 0.25 + 0.4 * random.per_wall(*at, 30), 0.4, 1.0)[:, None]
     emission: Float32Array = (light[..., None] * lamp).astype(np.float32)
     return emission
 
 
-def _shop_light(opening: FacadeOpening, density: float, at: tuple[int, int], random: SeededRandom) -> Float32Array:
+def _shop_light(
+    opening: FacadeOpening, density: float, at: tuple[int, int], random: SeededRandom, settings: PaneSettings
+) -> Float32Array:
     """Return the light of a shop's panes."""
     high, wide = opening.shape
-    shop = int(at[0] * PLACE_STEP_M / (2 * FLAT_WIDTH_M))  # windows of one shop side by side
+    shop = int(at[0] * settings.place_step_m / (2 * settings.flat_width_m))  # windows of one shop side by side
     level = (
-        _interpolate(SHOP_LIGHT_RANGE, random.per_wall(shop, 12))
-        if random.per_wall(shop, 11) < LIT_SHOP_SHARE
-        else CLOSED_SHOP_LIGHT
+        _interpolate(settings.shop_light_range, random.per_wall(shop, 12))
+        if random.per_wall(shop, 11) < settings.lit_shop_share
+        else settings.closed_shop_light
     )
-    lamp = LAMP_COLOURS[SHOP_LAMPS[int(np.searchsorted(SHOP_LAMP_CUMULATIVE_SHARES, random.per_wall(shop, 13)))]]
-    panes = _shop_pane_rows(high)
+    lamp = LAMP_COLOURS[
+        settings.shop_lamps[int(np.searchsorted(settings.shop_lamp_cumulative_shares, random.per_wall(shop, 13)))]
+    ]
+    panes = _shop_pane_rows(high, settings)
     within = (panes.stop - panes.start, wide)
     shows = shop_interior_light(within, density, random.per_wall(shop, 14), lambda *what: random.per_wall(*at, *what))
     light = np.zeros((high, wide, 3), np.float32)
@@ -293,7 +256,11 @@ def _shop_light(opening: FacadeOpening, density: float, at: tuple[int, int], ran
 
 
 def modulate_by_picture(
-    opening: FacadeOpening, light: Float32Array, grey: UInt8Array, clear: BoolArray
+    opening: FacadeOpening,
+    light: Float32Array,
+    grey: UInt8Array,
+    clear: BoolArray,
+    settings: PaneSettings = PANE_SETTINGS,
 ) -> Float32Array:
     """Modulate the light of an opening by the picture behind its panes.
 
@@ -303,6 +270,7 @@ def modulate_by_picture(
     light : (h, w, 3) light over the box of the opening.
     grey : (h, w) picture of the facade.
     clear : (h, w) bool glass in the box; its mean brightness is the reference.
+    settings : numbers of panes.
 
     Returns
     -------
@@ -311,7 +279,7 @@ def modulate_by_picture(
     if not clear.any():
         return light
     part = grey[opening.box].astype(np.float32)
-    share = SHOP_PICTURE_SHARE if opening.label == FacadeClass.SHOP else WINDOW_PICTURE_SHARE
+    share = settings.shop_picture_share if opening.label == FacadeClass.SHOP else settings.window_picture_share
     relative = np.clip(part / max(float(part[clear].mean()), 1.0), 0.2, 1.8)
     modulated: Float32Array = (light * (1 - share + share * relative)[..., None]).astype(np.float32)
     return modulated

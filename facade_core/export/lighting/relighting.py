@@ -91,6 +91,25 @@ def build_relightable_mesh(source: TexturedMesh, inputs: RelightingInputs) -> Te
     return replace(source, raster=albedo, maps=maps)
 
 
+class _Surface(NamedTuple):
+    """Surface of a chart at half the density of its colour.
+
+    Attributes
+    ----------
+    material : (h, w) PbrMaterialClass.
+    roughness : (h, w) float32.
+    frames : (h, w) bool, window frames and bars; None without any.
+    slope : (h, w, 2) slopes of panes to the right and up; None without any.
+    light : (h, w, 3) light at night; None where all is dark.
+    """
+
+    material: UInt8Array
+    roughness: Float32Array
+    frames: BoolArray | None = None
+    slope: Float32Array | None = None
+    light: Float32Array | None = None
+
+
 class _ChartRelighter:
     def __init__(self, source: TexturedMesh, inputs: RelightingInputs) -> None:
         self.source, self.inputs, self.scene = source, inputs, inputs.scene
@@ -141,49 +160,66 @@ class _ChartRelighter:
         return grid
 
     def maps(self, chart: int, colour: UInt8Array, grounds: GroundMaterialOutlines) -> PbrMaps:
-        inputs, labels = self.inputs, self.inputs.texels(chart).labels
+        labels = self.inputs.texels(chart).labels
         labels = None if labels is None else snap_to_boxes(labels)
-        shape, density = colour.shape[:2], self.density(chart)
-        size = (-(-shape[1] // 2), -(-shape[0] // 2))
+        density = self.density(chart)
+        size = (-(-colour.shape[1] // 2), -(-colour.shape[0] // 2))
         half = (size[1], size[0])
         small = downscale(colour, size).astype(np.float32).mean(axis=2)
-        made = CHART_MATERIALS[SurfaceMaterial(inputs.chart_materials[chart])]
-        turn, shown, frames = None, None, np.zeros(half, bool)
-        if inputs.has_source_texture[chart]:
-            material = np.full(half, PbrMaterialClass.PHOTOGRAPHED, np.uint8)
-            roughness = ROUGHNESS[material]
-        elif labels is not None:
-            measured = measure_wall_material(colour, labels, density)
-            is_brick = made == PbrMaterialClass.BRICK or (measured is not None and measured.brick)
-            wall = PbrMaterialClass.BRICK if is_brick else PbrMaterialClass.PLASTER
-            panes, leans, lit = self.pane_maps(chart, colour, labels)
-            whole = classify_facade(labels, wall, panes)
-            roughness, material = downscale(ROUGHNESS[whole][..., None], size)[..., 0], whole[::2, ::2]
-            share = downscale(panes.astype(np.float32)[..., None], size)[..., 0]
-            opening = labels[::2, ::2] == FacadeClass.WINDOW
-            frames, turn = opening & (share < 0.5), leans[::2, ::2] * (share > 0.5)[..., None]
-            shown = None if lit is None else downscale(lit, size)
+        if labels is not None and not self.inputs.has_source_texture[chart]:
+            surface = self.facade_surface(chart, colour, labels, size)
         else:
-            on_ground = self.scene.charts.kind[chart] == ChartKind.GROUND
-            material = grounds.rasterise(self.scene.charts, chart, half) if on_ground else np.full(half, made, np.uint8)
-            roughness = ROUGHNESS[material]
-            if self.scene.charts.kind[chart] == ChartKind.WINDOW:
-                pane = FacadeOpening(FacadeClass.WINDOW, 0, 0, *size)
-                shown = opening_emission(
-                    pane, density / 2, float(self.scene.charts.size[chart, 1]), self.make_random(chart)
-                )
+            surface = self.plain_surface(chart, half, grounds)
         coarse = None if labels is None else labels[::2, ::2]
-        height = estimate_heights(coarse, material, small, frames, density / 2)
+        frames = np.zeros(half, bool) if surface.frames is None else surface.frames
+        height = estimate_heights(coarse, surface.material, small, frames, density / 2)
         occlusion = self.sky_visibility(chart, half) * cavity_visibility(height, density / 2)
         left = contact_light(self.scene, chart)
         if left is not None:
             occlusion = occlusion * downscale(np.ascontiguousarray(left, np.float32)[..., None], size)[..., 0]
-        orm = np.stack([occlusion, roughness, np.zeros(half, np.float32)], axis=-1)
+        orm = np.stack([occlusion, surface.roughness, np.zeros(half, np.float32)], axis=-1)
         return PbrMaps(
-            _to_uint8(normals_from_heights(height, density / 2, turn) / 2 + np.float32(0.5)),
+            _to_uint8(normals_from_heights(height, density / 2, surface.slope) / 2 + np.float32(0.5)),
             _to_uint8(orm),
-            None if shown is None or not shown.any() else linear_to_srgb(shown),
+            None if surface.light is None or not surface.light.any() else linear_to_srgb(surface.light),
         )
+
+    def facade_surface(self, chart: int, colour: UInt8Array, labels: UInt8Array, size: tuple[int, int]) -> _Surface:
+        """Return the surface of a facade from its labels, at `size` (width, height), half that of its colour."""
+        measured = measure_wall_material(colour, labels, self.density(chart))
+        is_brick = self.chart_material(chart) == PbrMaterialClass.BRICK or (measured is not None and measured.brick)
+        wall = PbrMaterialClass.BRICK if is_brick else PbrMaterialClass.PLASTER
+        panes, slopes, light = self.pane_maps(chart, colour, labels)
+        material = classify_facade(labels, wall, panes)
+        share = downscale(panes.astype(np.float32)[..., None], size)[..., 0]
+        return _Surface(
+            material[::2, ::2],
+            downscale(ROUGHNESS[material][..., None], size)[..., 0],
+            (labels[::2, ::2] == FacadeClass.WINDOW) & (share < 0.5),
+            slopes[::2, ::2] * (share > 0.5)[..., None],
+            None if light is None else downscale(light, size),
+        )
+
+    def plain_surface(self, chart: int, shape: tuple[int, int], grounds: GroundMaterialOutlines) -> _Surface:
+        """Return the surface of a chart that is no facade: photographed, ground, window or of one material."""
+        charts = self.scene.charts
+        if self.inputs.has_source_texture[chart]:
+            material = np.full(shape, PbrMaterialClass.PHOTOGRAPHED, np.uint8)
+            return _Surface(material, ROUGHNESS[material])
+        if charts.kind[chart] == ChartKind.GROUND:
+            material = grounds.rasterise(charts, chart, shape)
+        else:
+            material = np.full(shape, self.chart_material(chart), np.uint8)
+        light = None
+        if charts.kind[chart] == ChartKind.WINDOW:
+            pane = FacadeOpening(FacadeClass.WINDOW, 0, 0, shape[1], shape[0])
+            light = opening_emission(
+                pane, self.density(chart) / 2, float(charts.size[chart, 1]), self.make_random(chart)
+            )
+        return _Surface(material, ROUGHNESS[material], light=light)
+
+    def chart_material(self, chart: int) -> PbrMaterialClass:
+        return CHART_MATERIALS[SurfaceMaterial(self.inputs.chart_materials[chart])]
 
     def make_random(self, chart: int) -> SeededRandom:
         building = max(int(self.scene.charts.building[chart]), 0)

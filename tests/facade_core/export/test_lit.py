@@ -17,16 +17,11 @@ from facade_core.core.provenance import Provenance
 from facade_core.core.types import GroundWay, MappedGround, Sun
 from facade_core.export.lighting.albedo import divide_light, estimate_shading
 from facade_core.export.lighting.ground_materials import GroundMaterialOutlines
-from facade_core.export.lighting.height_maps import (
-    MAX_SLOPE,
-    MIN_CAVITY_VISIBILITY,
-    cavity_visibility,
-    estimate_heights,
-    normals_from_heights,
-)
+from facade_core.export.lighting.height_maps import cavity_visibility, estimate_heights, normals_from_heights
 from facade_core.export.lighting.panes import SeededRandom, find_openings, glass_mask, opening_emission
 from facade_core.export.lighting.pbr_materials import ROUGHNESS, PbrMaterialClass
 from facade_core.export.lighting.relighting import RelightingInputs, StoredChartTexels, build_relightable_mesh
+from facade_core.export.lighting.settings import HEIGHT_MAP_SETTINGS
 from facade_core.export.models.encoders import ENCODERS
 from facade_core.export.models.glb import encode_glb
 from facade_core.export.models.gltf_materials import EMISSIVE_STRENGTH, NIGHT, TimeOfDay, encode_textures
@@ -70,7 +65,7 @@ def test_normals_are_those_of_the_heights_differences() -> None:
         for x in range(1, 6):
             right = (height[y, x + 1] - height[y, x - 1]) * DENSITY / 2
             up = (height[y - 1, x] - height[y + 1, x]) * DENSITY / 2
-            slope = np.clip([right, up], -MAX_SLOPE, MAX_SLOPE)
+            slope = np.clip([right, up], -HEIGHT_MAP_SETTINGS.max_slope, HEIGHT_MAP_SETTINGS.max_slope)
             expected = np.array([-slope[0], -slope[1], 1]) / np.sqrt(1 + (slope**2).sum())
             np.testing.assert_allclose(found[y, x], expected, atol=1e-6)
 
@@ -87,7 +82,7 @@ def test_openings_lie_back_and_see_less_sky() -> None:
     assert found[15, 30, 1] < -0.5, "the head faces down"
     sky = cavity_visibility(height, 20.0)
     assert sky[0, 0] == 1
-    assert MIN_CAVITY_VISIBILITY <= sky[16, 21] < 0.85
+    assert HEIGHT_MAP_SETTINGS.min_cavity_visibility <= sky[16, 21] < 0.85
     assert colour.shape[:2] == sky.shape
 
 

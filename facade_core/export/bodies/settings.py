@@ -1,0 +1,170 @@
+"""Settings of the closed bodies of buildings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class BodySettings:
+    """Numbers of the closed bodies of buildings.
+
+    Attributes
+    ----------
+    grid_m : grid of written corners, metres.
+    max_weld_m : corners closer than this are merged, metres: eaves, hips and walls miss each other by
+        millimetres.
+    max_off_edge_m : an edge is split at corners closer than this, metres.
+    max_off_plane_m : maximum distance of a planar polygon's corners from its plane, metres.
+    min_normal_cosine : minimum cosine between a planar polygon's normal and those of its triangles.
+    max_foot_height_m : open edges up to this height above the lowest corner belong to the foot of a building,
+        metres.
+    wall_margin_m : roof triangles this far outside of the walls are separate from the body, metres.
+    max_hole_perimeter_m : holes up to this perimeter are closed, metres; edges up to half of it may collapse.
+    min_area_share : minimum share of the connected area that a body keeps.
+    max_added_area_share : maximum horizontal area that closing may add, as share of the body's area.
+    max_group_gap_m : attachments whose boxes are closer than this form one part, metres.
+    """
+
+    grid_m: float = 0.001
+    max_weld_m: float = 0.01
+    max_off_edge_m: float = 0.006
+    max_off_plane_m: float = 0.006
+    min_normal_cosine: float = 0.96
+    max_foot_height_m: float = 2.0
+    wall_margin_m: float = 0.02
+    max_hole_perimeter_m: float = 0.4
+    min_area_share: float = 0.4
+    max_added_area_share: float = 0.1
+    max_group_gap_m: float = 0.05
+
+
+BODY_SETTINGS = BodySettings()
+
+
+@dataclass(frozen=True, slots=True)
+class FootprintSettings:
+    """Numbers of footprints.
+
+    Attributes
+    ----------
+    snap_grid_m : grid on which corners are snapped so that nearly shared edges meet, metres.
+    min_below_roof_m : ceilings of passages are at least this far below the lowest corner of the roofs, metres.
+    max_ceiling_gap_m : maximum distance between a ceiling and the upper edge of a wall below it, metres.
+    min_part_m2 : minimum area of a part of a footprint, m2.
+    """
+
+    snap_grid_m: float = 0.001
+    min_below_roof_m: float = 0.4
+    max_ceiling_gap_m: float = 0.01
+    min_part_m2: float = 0.1
+
+
+FOOTPRINT_SETTINGS = FootprintSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class OpeningSettings:
+    """Numbers of windows and doors in a wall.
+
+    Attributes
+    ----------
+    max_area_difference : maximum relative difference between the areas of a polygon and its triangles.
+    min_opening_m2 : minimum area of an opening, m2.
+    min_opening_width_m : minimum width of an opening, metres.
+    wall_edge_m : distance of openings from the border of the wall, metres.
+    opening_gap_m : distance between openings, metres.
+    recess_depths_m : depths of openings behind their wall in order of preference, metres; flush if neither has
+        room.
+    min_recess_clearance_m : minimum distance to surfaces behind the wall, metres.
+    """
+
+    max_area_difference: float = 1e-3
+    min_opening_m2: float = 0.05
+    min_opening_width_m: float = 0.15
+    wall_edge_m: float = 0.05
+    opening_gap_m: float = 0.06
+    recess_depths_m: tuple[float, float] = (0.15, 0.05)
+    min_recess_clearance_m: float = 0.03
+
+
+OPENING_SETTINGS = OpeningSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class BalconySettings:
+    """Numbers of balconies.
+
+    Attributes
+    ----------
+    balcony_depth_m : depth of a balcony, metres.
+    narrow_balcony_depth_m : depth of a balcony before a single window, metres.
+    min_wide_balcony_m : width from which a balcony has its full depth, metres.
+    floor_thickness_m : thickness of a balcony's floor, metres.
+    railing_thickness_m : thickness of a railing, metres.
+    min_balcony_m : minimum width and height of a balcony, metres.
+    max_above_railing_m : a window that ends at most this far above a railing continues behind it, metres.
+    sill_above_floor_m : height above the balcony's floor at which such a window ends, metres.
+    """
+
+    balcony_depth_m: float = 0.9
+    narrow_balcony_depth_m: float = 0.35
+    min_wide_balcony_m: float = 1.8
+    floor_thickness_m: float = 0.15
+    railing_thickness_m: float = 0.06
+    min_balcony_m: float = 0.5
+    max_above_railing_m: float = 0.25
+    sill_above_floor_m: float = 0.1
+
+
+BALCONY_SETTINGS = BalconySettings()
+
+
+@dataclass(frozen=True, slots=True)
+class MouldingSettings:
+    """Numbers of the bands of a wall.
+
+    Attributes
+    ----------
+    max_moulding_height_m : lower bands are mouldings (cornice, string course, edge of a plinth), metres.
+    min_colour_step : minimum step of the row colour at the border of two bands, grey levels.
+    step_window_m : rows above and below that are averaged, metres; more than a course of bricks.
+    min_free_share : minimum share of free wall in a row whose colour counts.
+    element_margin_m : margin around elements that is ignored, metres.
+    profile_samples : colour samples from the top of a band to its foot.
+    """
+
+    max_moulding_height_m: float = 0.7
+    min_colour_step: float = 11.0
+    step_window_m: float = 0.15
+    min_free_share: float = 0.03
+    element_margin_m: float = 0.1
+    profile_samples: int = 12
+
+
+MOULDING_SETTINGS = MouldingSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class LedgeSettings:
+    """Numbers of ledges.
+
+    Attributes
+    ----------
+    ledge_depth_m : depth of a ledge, metres.
+    min_ledge_height_m : minimum height of a ledge, metres.
+    max_ledge_height_m : maximum height of a ledge, metres.
+    min_ledge_length_m : minimum length of a ledge, metres.
+    min_lighter_share : minimum contrast of a ledge to the wall, as share of the wall's light.
+    element_clearance_m : distance of a ledge from openings and balconies, metres.
+    """
+
+    ledge_depth_m: float = 0.08
+    min_ledge_height_m: float = 0.08
+    max_ledge_height_m: float = 0.6
+    min_ledge_length_m: float = 0.8
+    min_lighter_share: float = 0.06
+    element_clearance_m: float = 0.06
+
+
+LEDGE_SETTINGS = LedgeSettings()
