@@ -182,11 +182,6 @@ def _largest_component(whole: PolygonMesh, chosen: Sequence[int]) -> list[int]:
     return max(members, key=lambda own: _total_area(whole, own), default=[])
 
 
-def _ring_points(mesh: PolygonMesh) -> list[list[Float64Array]]:
-    """Return the corners (k, 3) of each ring of each polygon."""
-    return [[mesh.points[list(ring)] for ring in patch.rings] for patch in mesh.patches]
-
-
 def _lowest_corner(mesh: PolygonMesh) -> float:
     """Return the height of the lowest corner of the polygons; 0 without any."""
     return float(min((mesh.points[c, 2] for patch in mesh.patches for ring in patch.rings for c in ring), default=0.0))
@@ -199,9 +194,10 @@ def _add_curtains(shell: PolygonMesh, origin: Float64Array, settings: BodySettin
     polygons = [curtain.rings() for curtain in curtains_below_edges(edges, base)]
     if not polygons:
         return shell
+    before = [patch.ring_points(shell.points) for patch in shell.patches]
     charts = [patch.chart for patch in shell.patches] + [-1] * len(polygons)
     semantics = [patch.semantic for patch in shell.patches] + [-1] * len(polygons)
-    return weld_polygons([*_ring_points(shell), *polygons], charts, semantics, origin, settings)
+    return weld_polygons([*before, *polygons], charts, semantics, origin, settings)
 
 
 def _close_small_holes(

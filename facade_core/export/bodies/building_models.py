@@ -132,7 +132,7 @@ def build_building_model_parts(
     behind = [_shell_triangles(body.shell)] if layouts else []
     for patch in body.shell.patches:
         chart, elements = patch.chart, layouts.get(patch.chart, ())
-        rings = [body.shell.points[list(ring)] for ring in patch.rings]
+        rings = patch.ring_points(body.shell.points)
         if not elements or source.charts.kind[chart] != ChartKind.WALL:
             faces.append(make_face(packed, rings, patch.semantic if patch.semantic >= 0 else closing, chart))
             continue
@@ -207,7 +207,7 @@ def _cut_openings(
 ) -> list[ModelFace]:
     """Cut the openings of a wall; returns the wall with holes, the openings and their reveals."""
     charts, chart = packed.source.charts, patch.chart
-    rings = [shell.points[list(ring)] for ring in patch.rings]
+    rings = patch.ring_points(shell.points)
     wall = _chart_polygon(packed, rings, chart)
     faces: list[ModelFace] = []
     holes: list[Float64Array] = []
@@ -272,7 +272,7 @@ def _make_attachment(
     faces = []
     for piece in pieces:
         for patch in piece.patches:
-            rings = [piece.points[list(ring)] for ring in patch.rings]
+            rings = patch.ring_points(piece.points)
             faces.append(make_face(packed, rings, own.get_or_add(surfaces[patch.semantic]["type"]), patch.chart))
     return ModelPart(faces, own.surfaces, False)
 

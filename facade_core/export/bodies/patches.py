@@ -37,6 +37,10 @@ class MeshPolygon:
         for ring in self.rings:
             yield from zip(ring, ring[1:] + ring[:1], strict=True)
 
+    def ring_points(self, points: Float64Array) -> list[Float64Array]:
+        """Return the corners (k, 3) of each ring from those of the mesh (n, 3)."""
+        return [points[list(ring)] for ring in self.rings]
+
 
 @dataclass(frozen=True)
 class PolygonMesh:
@@ -69,7 +73,7 @@ def ring_area_vector(points: Float64Array) -> Float64Array:
 
 def polygon_area_vector(patch: MeshPolygon, points: Float64Array) -> Float64Array:
     """Return the area of a polygon over corners (n, 3) as an outward vector (3,), m2."""
-    return sum((ring_area_vector(points[list(ring)]) for ring in patch.rings), np.zeros(3))
+    return sum(map(ring_area_vector, patch.ring_points(points)), np.zeros(3))
 
 
 def weld_polygons(
