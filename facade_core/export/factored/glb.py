@@ -63,53 +63,14 @@ def encode_factored_glb(
     copyright : attribution.
     """
     buffer = GlbBuffer()
-    every = [part for parts in nodes.values() for part in parts.values()]
-    chart = np.concatenate([part.chart for part in every])
-    rows = np.column_stack([features.chart_rows[chart], features.owner_rows[chart]])
-    used, index = np.unique(rows, return_inverse=True)
-    index = index.reshape(-1, len(FEATURE_ID_LABELS))
-    shown = sorted({texture for parts in nodes.values() for texture in parts})
-    meshes, start = [], 0
-    for name, parts in nodes.items():
-        primitives = []
-        for texture, part in sorted(parts.items()):
-            position = part.position.astype("<f4")
-            ids = index[start : start + len(position)]
-            start += len(position)
-            attributes = {
-                "POSITION": buffer.add_accessor(
-                    position, FLOAT, "VEC3", min=position.min(axis=0).tolist(), max=position.max(axis=0).tolist()
-                ),
-                "NORMAL": buffer.add_accessor(part.normal.astype("<f4"), FLOAT, "VEC3"),
-                "TEXCOORD_0": buffer.add_accessor(part.uv.astype("<f4"), FLOAT, "VEC2"),
-                "COLOR_0": buffer.add_accessor(
-                    np.rint(part.colour * MAX_UNSIGNED_SHORT).astype("<u2"), UNSIGNED_SHORT, "VEC3", normalized=True
-                ),
-            }
-            named, mesh_features = add_feature_ids(ids, len(used), buffer)
-            triangles = part.triangles.astype("<u4").reshape(-1, 1)
-            primitives.append(
-                {
-                    "attributes": attributes | named,
-                    "indices": buffer.add_accessor(triangles, UNSIGNED_INT, "SCALAR", target=ELEMENT_ARRAY_BUFFER),
-                    "material": shown.index(texture),
-                    "extensions": {"EXT_mesh_features": mesh_features},
-                }
-            )
-        meshes.append({"name": name, "primitives": primitives})
+    shown = sorted(set().union(*nodes.values()))
+    meshes, used = _add_meshes(buffer, nodes, shown, features)
     metadata = features.structural_metadata(used, buffer.add_view)
     # an unlit material has one image
     materials = build_gltf_materials([MaterialTextures(b"")] * len(shown), encoder)
-    images = [
-        {"uri": picture}
-        if isinstance(picture, str)
-        else {"bufferView": buffer.add_view(picture), "mimeType": encoder.mime_type}
-        for picture in (pictures[texture] for texture in shown)
-    ]
-    textures = [
-        one | {"sampler": int(repeated[texture])}
-        for one, texture in zip(materials.document_parts["textures"], shown, strict=True)
-    ]
+    images = [_image_entry(buffer, pictures[texture], encoder) for texture in shown]
+    for texture, entry in zip(shown, materials.document_parts["textures"], strict=True):
+        entry["sampler"] = int(repeated[texture])
     required = [encoder.extension] if encoder.extension else []
     document: dict[str, object] = {
         "asset": {"version": "2.0", "generator": "Streetloom", **({"copyright": copyright} if copyright else {})},
@@ -125,9 +86,62 @@ def encode_factored_glb(
         "nodes": [{"name": mesh["name"], "mesh": i} for i, mesh in enumerate(meshes)],
         "meshes": meshes,
         "materials": materials.document_parts["materials"],
-        "textures": textures,
+        "textures": materials.document_parts["textures"],
         "images": images,
         "samplers": [*SAMPLERS, {**SAMPLERS[0], "wrapS": REPEAT_WRAP, "wrapT": REPEAT_WRAP}],
         **buffer.document_parts,
     }
     return pack_glb(document, buffer.chunks)
+
+
+def _add_meshes(
+    buffer: GlbBuffer,
+    nodes: Mapping[str, Mapping[int, FactoredPrimitive]],
+    shown: Sequence[int],
+    features: FeatureTable,
+) -> tuple[list[dict[str, object]], IntArray]:
+    """Add the parts of all nodes to a buffer; returns their meshes and the rows of the feature table that they use."""
+    every = [part for parts in nodes.values() for _, part in sorted(parts.items())]
+    chart = np.concatenate([part.chart for part in every])
+    rows = np.column_stack([features.chart_rows[chart], features.owner_rows[chart]])
+    used, index = np.unique(rows, return_inverse=True)
+    index = index.reshape(-1, len(FEATURE_ID_LABELS))
+    ids = iter(np.split(index, np.cumsum([len(part.chart) for part in every])[:-1]))
+    meshes: list[dict[str, object]] = []
+    for name, parts in nodes.items():
+        primitives = [
+            _add_primitive(buffer, part, next(ids), len(used), shown.index(texture))
+            for texture, part in sorted(parts.items())
+        ]
+        meshes.append({"name": name, "primitives": primitives})
+    return meshes, used
+
+
+def _add_primitive(
+    buffer: GlbBuffer, part: FactoredPrimitive, ids: IntArray, feature_count: int, material: int
+) -> dict[str, object]:
+    """Add the vertices, feature ids and triangles of a part to a buffer and return its primitive."""
+    position = part.position.astype("<f4")
+    colour = np.rint(part.colour * MAX_UNSIGNED_SHORT).astype("<u2")
+    attributes = {
+        "POSITION": buffer.add_accessor(
+            position, FLOAT, "VEC3", min=position.min(axis=0).tolist(), max=position.max(axis=0).tolist()
+        ),
+        "NORMAL": buffer.add_accessor(part.normal.astype("<f4"), FLOAT, "VEC3"),
+        "TEXCOORD_0": buffer.add_accessor(part.uv.astype("<f4"), FLOAT, "VEC2"),
+        "COLOR_0": buffer.add_accessor(colour, UNSIGNED_SHORT, "VEC3", normalized=True),
+    }
+    named, mesh_features = add_feature_ids(ids, feature_count, buffer)
+    triangles = part.triangles.astype("<u4").reshape(-1, 1)
+    return {
+        "attributes": attributes | named,
+        "indices": buffer.add_accessor(triangles, UNSIGNED_INT, "SCALAR", target=ELEMENT_ARRAY_BUFFER),
+        "material": material,
+        "extensions": {"EXT_mesh_features": mesh_features},
+    }
+
+
+def _image_entry(buffer: GlbBuffer, picture: bytes | str, encoder: TextureEncoder) -> dict[str, object]:
+    if isinstance(picture, str):
+        return {"uri": picture}
+    return {"bufferView": buffer.add_view(picture), "mimeType": encoder.mime_type}

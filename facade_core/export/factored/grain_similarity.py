@@ -8,71 +8,65 @@ import numpy as np
 
 from facade_core.core.arrays import FloatArray
 from facade_core.export.factored.image_quilting import WallGrain
-
-# Octave borders of the descriptor, cycles per metre; the finest are visible at 32 pixels per metre.
-OCTAVES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
-# Directions of the descriptor.
-DIRECTIONS = 4
-# Distance up to which grains are similar, in square roots of relative light.
-MIN_GRAIN_DISTANCE = 0.012
-# Distance up to which grains are similar, as share of the weaker grain's contrast.
-MAX_DISTANCE_SHARE = 0.25
-# Parts per side whose contrast is compared to measure evenness.
-EVENNESS_PARTS = 8
+from facade_core.export.factored.settings import GRAIN_SETTINGS, GrainSettings
 
 
-def find_representative_grains(grains: Sequence[WallGrain]) -> list[int]:
+def find_representative_grains(grains: Sequence[WallGrain], settings: GrainSettings = GRAIN_SETTINGS) -> list[int]:
     """Return, for each grain, the index of the grain that represents its group.
 
     The representative is the most even grain of the finest resolution, so that no mark of one wall repeats on others.
     """
-    descriptors = [_grain_descriptor(grain) for grain in grains]
+    descriptors = [_grain_descriptor(grain, settings) for grain in grains]
     fine = [grain.relative_light.shape[0] / grain.width_m for grain in grains]
     coarse = [-round(np.log2(density)) for density in fine]
     groups: dict[int, list[int]] = {}
     for number in sorted(range(len(grains)), key=lambda k: (coarse[k], k)):
-        off = {k: _descriptor_distance(descriptors[number], descriptors[k]) for k in groups}
+        off = {k: _descriptor_distance(descriptors[number], descriptors[k], settings) for k in groups}
         nearest = min(off, key=lambda k: (off[k], k), default=number)
         groups.setdefault(nearest if off.get(nearest, 0) <= 1 else number, []).append(number)
     found = list(range(len(grains)))
     for group in groups.values():
-        representative = min(group, key=lambda k: (coarse[k], _unevenness(grains[k]), k))
+        representative = min(group, key=lambda k: (coarse[k], _unevenness(grains[k], settings), k))
         for number in group:
             found[number] = representative
     return found
 
 
-def _unevenness(grain: WallGrain) -> float:
+def _unevenness(grain: WallGrain, settings: GrainSettings) -> float:
     """Return the contrast of a grain's strongest part relative to the median part."""
     light = np.sqrt(grain.relative_light).mean(axis=2)
-    step = len(light) // EVENNESS_PARTS
+    step = len(light) // settings.evenness_parts
     if step == 0:  # plain colour
         return 1.0
-    parts = np.square(light - light.mean())[: step * EVENNESS_PARTS, : step * EVENNESS_PARTS].reshape(
-        EVENNESS_PARTS, step, EVENNESS_PARTS, step
+    parts = np.square(light - light.mean())[: step * settings.evenness_parts, : step * settings.evenness_parts].reshape(
+        settings.evenness_parts, step, settings.evenness_parts, step
     )
     energy = parts.mean(axis=(1, 3))
     return float(energy.max() / max(float(np.median(energy)), 1e-9))
 
 
-def _grain_descriptor(grain: WallGrain) -> tuple[FloatArray, FloatArray]:
-    """Return amplitudes (octaves, DIRECTIONS) of a grain's light, and the deviation (2,) of red and blue from it."""
+def _grain_descriptor(grain: WallGrain, settings: GrainSettings) -> tuple[FloatArray, FloatArray]:
+    """Return amplitudes (octaves, directions) of a grain's light, and the deviation (2,) of red and blue from it."""
     root = np.sqrt(grain.relative_light)
     light = root.mean(axis=2)
     side = len(light)
     power = np.square(np.abs(np.fft.fft2(light - light.mean()))) / side**4
     waves = np.fft.fftfreq(side, grain.width_m / side)
     y, x = np.meshgrid(waves, waves, indexing="ij")
-    octave = np.digitize(np.hypot(x, y), OCTAVES[1:-1])
-    direction = np.rint(np.arctan2(y, x) / np.pi * DIRECTIONS).astype(int) % DIRECTIONS
+    octave = np.digitize(np.hypot(x, y), settings.octave_borders[1:-1])
+    direction = np.rint(np.arctan2(y, x) / np.pi * settings.directions).astype(int) % settings.directions
     sums = np.bincount(
-        (octave * DIRECTIONS + direction).ravel(), power.ravel(), (len(OCTAVES) - 1) * DIRECTIONS
-    ).reshape(-1, DIRECTIONS)
+        (octave * settings.directions + direction).ravel(),
+        power.ravel(),
+        (len(settings.octave_borders) - 1) * settings.directions,
+    ).reshape(-1, settings.directions)
     return np.sqrt(sums), (root[..., [0, 2]] - light[..., None]).std(axis=(0, 1))
 
 
-def _descriptor_distance(one: tuple[FloatArray, FloatArray], other: tuple[FloatArray, FloatArray]) -> float:
+def _descriptor_distance(
+    one: tuple[FloatArray, FloatArray], other: tuple[FloatArray, FloatArray], settings: GrainSettings
+) -> float:
     """Return the distance of two grains; 1 or less means similar."""
     off = np.sqrt(sum(float(np.square(a - b).sum()) for a, b in zip(one, other, strict=True)))
     weaker = min(np.sqrt(float(np.square(amplitudes).sum())) for amplitudes, _ in (one, other))
-    return float(off / max(MIN_GRAIN_DISTANCE, MAX_DISTANCE_SHARE * weaker))
+    return float(off / max(settings.min_grain_distance, settings.max_distance_share * weaker))

@@ -1,7 +1,7 @@
 """Tileable grain textures by image quilting on a torus.
 
 Overlapping blocks of the free wall are joined along paths of least error; the last ones of a row and column meet the first.
-Structures larger than SHADE_M are removed before and after, because repeated shade would be visible as a pattern.
+Structures larger than `GrainSettings.shade_m` are removed before and after: repeated shade would be visible as a pattern.
 
 References
 ----------
@@ -16,25 +16,7 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float32Array, FloatArray, Int64Array, UInt8Array
 from facade_core.core.linear_light import smooth_known_light, srgb_to_linear
-
-# Sides of grain textures, pixels.
-TEXTURE_SIDES_PX = (64, 128, 256)
-# Desired period of the texture on the wall, metres.
-REPEAT_M = 4.0
-# Block sides for the largest texture, pixels; the largest with enough places is used.
-BLOCK_SIDES_PX = (80, 64, 48, 32, 24, 16)
-# Minimum side of a block, pixels.
-MIN_BLOCK_PX = 12
-# Minimum number of places for blocks of a size.
-MIN_BLOCK_COUNT = 24
-# Maximum number of candidate blocks.
-MAX_BLOCKS_TRIED = 320
-# A block is drawn among those with an error up to this factor of the least.
-MAX_ERROR_FACTOR = 1.1
-# Larger structures are shade, not grain, metres.
-SHADE_M = 0.45
-# Maximum factor of grain to its mean light, in both directions.
-MAX_CONTRAST = 3.0
+from facade_core.export.factored.settings import GRAIN_SETTINGS, GrainSettings
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +33,9 @@ class WallGrain:
     width_m: float
 
 
-def synthesise_grain(image: UInt8Array, free: BoolArray, pixels_per_metre: float, seed: int) -> WallGrain:
+def synthesise_grain(
+    image: UInt8Array, free: BoolArray, pixels_per_metre: float, seed: int, settings: GrainSettings = GRAIN_SETTINGS
+) -> WallGrain:
     """Synthesise the grain of a picture; all ones if no block of it is free.
 
     Parameters
@@ -60,33 +44,34 @@ def synthesise_grain(image: UInt8Array, free: BoolArray, pixels_per_metre: float
     free : (h, w) bool, free wall.
     pixels_per_metre : resolution of the picture.
     seed : random seed.
+    settings : numbers of grains.
     """
     import cv2
 
-    side = min(TEXTURE_SIDES_PX, key=lambda side: abs(np.log(side / (REPEAT_M * pixels_per_metre))))
+    side = min(settings.texture_sides_px, key=lambda side: abs(np.log(side / (settings.repeat_m * pixels_per_metre))))
     wide = side / pixels_per_metre
     light = srgb_to_linear(image)
-    shade = SHADE_M * pixels_per_metre
+    shade = settings.shade_m * pixels_per_metre
     flat = light / np.maximum(smooth_known_light(light, free, shade), 1e-3)
     rng = np.random.default_rng(seed)
     inside = cv2.integral(free.astype(np.uint8))
-    for block in (block * side // TEXTURE_SIDES_PX[-1] for block in BLOCK_SIDES_PX):
-        if min(free.shape) < block or block < MIN_BLOCK_PX:
+    for block in (block * side // settings.texture_sides_px[-1] for block in settings.block_sides_px):
+        if min(free.shape) < block or block < settings.min_block_px:
             continue
         full = inside[block:, block:] - inside[:-block, block:] - inside[block:, :-block] + inside[:-block, :-block]
         places = np.argwhere(full == block * block)
-        if len(places) >= MIN_BLOCK_COUNT:
+        if len(places) >= settings.min_block_count:
             break
     else:
         return WallGrain(np.ones((side, side, 3), np.float32), wide)
-    chosen = places[rng.permutation(len(places))[:MAX_BLOCKS_TRIED]]
+    chosen = places[rng.permutation(len(places))[: settings.max_blocks_tried]]
     patches = np.stack([flat[y : y + block, x : x + block] for y, x in chosen.tolist()])
-    quilt = _quilt_torus(np.clip(patches, 1 / MAX_CONTRAST, MAX_CONTRAST), side, rng)
+    quilt = _quilt_torus(np.clip(patches, 1 / settings.max_contrast, settings.max_contrast), side, rng, settings)
     quilt /= np.maximum(smooth_known_light(quilt, np.ones(quilt.shape[:2], bool), shade, wrap=True), 1e-3)
     return WallGrain(quilt / quilt.mean(axis=(0, 1)), wide)
 
 
-def _quilt_torus(patches: Float32Array, side: int, rng: np.random.Generator) -> Float32Array:
+def _quilt_torus(patches: Float32Array, side: int, rng: np.random.Generator, settings: GrainSettings) -> Float32Array:
     """Quilt blocks (n, b, b, 3) on a torus of `side` pixels."""
     block = patches.shape[1]
     count = -(-side * 4 // (block * 3))  # overlaps of a quarter at least
@@ -102,7 +87,7 @@ def _quilt_torus(patches: Float32Array, side: int, rng: np.random.Generator) -> 
                 some = slice(None, None, max(1, len(rows) // 1500))
                 off = patches[:, rows[some], columns[some]] - there[rows[some], columns[some]]
                 apart = np.square(off).mean(axis=(1, 2))
-            near = np.flatnonzero(apart <= MAX_ERROR_FACTOR * apart.min() + 1e-9)
+            near = np.flatnonzero(apart <= settings.max_error_factor * apart.min() + 1e-9)
             patch = patches[near[rng.integers(len(near))]]
             keep = known & ~_new_side_mask(np.square(patch - there).sum(axis=2), known)
             canvas[at] = np.where(keep[..., None], there, patch)

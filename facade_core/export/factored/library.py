@@ -7,30 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float32Array, FloatArray, Int64Array, UInt8Array
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, FloatArray, Int64Array, IntArray, UInt8Array
 from facade_core.core.linear_light import linear_to_srgb, smooth_known_light, srgb_to_linear
 from facade_core.core.types import Element
 from facade_core.export.bodies.mouldings import WallBand, free_wall_mask, most_similar_band, split_wall_into_bands
 from facade_core.export.factored.image_quilting import WallGrain, synthesise_grain
+from facade_core.export.factored.settings import LIBRARY_SETTINGS, LibrarySettings
 from facade_core.export.factored.units import FacadeUnit, Rectangle, group_elements_into_units, surround_reach
 from facade_core.facade.variation.encoding import encode
-
-# Side of a unit descriptor, pixels.
-DESCRIPTOR_SIDE_PX = 16
-# Maximum ratio between the aspect ratios of similar units.
-MAX_ASPECT_RATIO = 1.6
-# Grey levels per unit of difference between the wall light around two units, in square roots.
-WALL_LIGHT_WEIGHT = 150.0
-# Length over which the end of a moulding fades into its start, metres.
-FADE_M = 0.3
-# Maximum length of a moulding texture, metres.
-MAX_MOULDING_M = 4.0
-# Minimum length of a moulding texture, metres; shorter runs become one averaged column.
-MIN_MOULDING_M = 0.6
-# Maximum difference of one material, in square roots of light.
-MAX_MATERIAL_DIFFERENCE = 0.07
-# Smoothing of the wall light around units, metres.
-WALL_SMOOTHING_M = 0.35
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +63,7 @@ class FacadeLibrary:
     ----------
     units : units of the picture.
     unit_types : (levels, units) type of each unit at each level of the variations.
-    descriptors : (units, DESCRIPTOR_SIDE_PX, DESCRIPTOR_SIDE_PX, 3).
+    descriptors : (units, s, s, 3) `unit_descriptor` of each unit.
     wall_light : (units, 3) linear light of the wall around each unit.
     types : types by number.
     bands : bands of the wall.
@@ -96,7 +80,9 @@ class FacadeLibrary:
     grains: dict[int, WallGrain]
     mouldings: dict[int, MouldingTexture]
 
-    def find_similar_unit(self, unit: FacadeUnit, look: Float32Array, wall: FloatArray) -> int | None:
+    def find_similar_unit(
+        self, unit: FacadeUnit, look: Float32Array, wall: FloatArray, settings: LibrarySettings = LIBRARY_SETTINGS
+    ) -> int | None:
         """Find the most similar unit of the same kind; None if there is none.
 
         Parameters
@@ -104,15 +90,16 @@ class FacadeLibrary:
         unit : the unit to match.
         look : its descriptor.
         wall : (3,) linear light of the wall around it.
+        settings : numbers of libraries.
         """
         wide, high = unit.size
         best: tuple[float, int] | None = None
         for k, own in enumerate(self.units):
             ratio = abs(float(np.log((wide / high) / (own.size[0] / own.size[1]))))
-            if own.kind != unit.kind or ratio > np.log(MAX_ASPECT_RATIO):
+            if own.kind != unit.kind or ratio > np.log(settings.max_aspect_ratio):
                 continue
             off = float(np.abs(np.sqrt(wall) - np.sqrt(self.wall_light[k])).mean())
-            apart = float(np.abs(look - self.descriptors[k]).mean()) + 20 * ratio + WALL_LIGHT_WEIGHT * off
+            apart = float(np.abs(look - self.descriptors[k]).mean()) + 20 * ratio + settings.wall_light_weight * off
             if best is None or apart < best[0]:
                 best = apart, k
         return None if best is None else best[1]
@@ -122,7 +109,9 @@ class FacadeLibrary:
         return int(self.unit_types[min(level, len(self.unit_types) - 1), unit])
 
 
-def unit_descriptor(image: UInt8Array, box: Rectangle, density: float) -> Float32Array:
+def unit_descriptor(
+    image: UInt8Array, box: Rectangle, density: float, settings: LibrarySettings = LIBRARY_SETTINGS
+) -> Float32Array:
     """Compute the descriptor of a box: a thumbnail with half of its mean light removed.
 
     Parameters
@@ -130,18 +119,21 @@ def unit_descriptor(image: UInt8Array, box: Rectangle, density: float) -> Float3
     image : (h, w, 3) uint8.
     box : x0, y0, x1, y1 in metres.
     density : pixels per metre.
+    settings : numbers of libraries.
 
     Returns
     -------
-    (DESCRIPTOR_SIDE_PX, DESCRIPTOR_SIDE_PX, 3) float32.
+    (s, s, 3) float32.
     """
     import cv2
 
     x0, y0, x1, y1 = (round(side * density) for side in box)
     part = image[max(0, y0) : max(y1, y0 + 1), max(0, x0) : max(x1, x0 + 1)]
     if not part.size:
-        return np.zeros((DESCRIPTOR_SIDE_PX, DESCRIPTOR_SIDE_PX, 3), np.float32)
-    small = cv2.resize(part, (DESCRIPTOR_SIDE_PX, DESCRIPTOR_SIDE_PX), interpolation=cv2.INTER_AREA).astype(np.float32)
+        return np.zeros((settings.descriptor_side_px, settings.descriptor_side_px, 3), np.float32)
+    small = cv2.resize(
+        part, (settings.descriptor_side_px, settings.descriptor_side_px), interpolation=cv2.INTER_AREA
+    ).astype(np.float32)
     descriptor: Float32Array = small - 0.5 * small.mean()
     return descriptor
 
@@ -155,13 +147,20 @@ def mean_light(light: Float32Array, box: Rectangle, density: float) -> Float32Ar
     return mean
 
 
-def _expand_box(box: Rectangle) -> Rectangle:
-    return box[0] - WALL_SMOOTHING_M, box[1] - WALL_SMOOTHING_M, box[2] + WALL_SMOOTHING_M, box[3] + WALL_SMOOTHING_M
+def _expand_box(box: Rectangle, settings: LibrarySettings) -> Rectangle:
+    return (
+        box[0] - settings.wall_smoothing_m,
+        box[1] - settings.wall_smoothing_m,
+        box[2] + settings.wall_smoothing_m,
+        box[3] + settings.wall_smoothing_m,
+    )
 
 
-def surrounding_wall_light(light: Float32Array, box: Rectangle, density: float) -> Float32Array:
+def surrounding_wall_light(
+    light: Float32Array, box: Rectangle, density: float, settings: LibrarySettings = LIBRARY_SETTINGS
+) -> Float32Array:
     """Return the light (3,) of the wall around a box, from the wall light (h, w, 3)."""
-    return mean_light(light, _expand_box(box), density)
+    return mean_light(light, _expand_box(box, settings), density)
 
 
 def build_library(
@@ -172,6 +171,7 @@ def build_library(
     fine: UInt8Array | None = None,
     *,
     seed: int,
+    settings: LibrarySettings = LIBRARY_SETTINGS,
 ) -> FacadeLibrary:
     """Build the library of a picture.
 
@@ -183,6 +183,7 @@ def build_library(
     density : pixels per metre.
     fine : the same picture with more pixels, from which textures are taken.
     seed : random seed of the grains.
+    settings : numbers of libraries.
     """
     units = group_elements_into_units(elements, density)
     fine = image if fine is None else fine
@@ -193,21 +194,25 @@ def build_library(
     import cv2
 
     free_fine = cv2.resize(free.astype(np.uint8), fine.shape[1::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
-    wall = smooth_known_light(srgb_to_linear(image), free, WALL_SMOOTHING_M * density)
+    wall = smooth_known_light(srgb_to_linear(image), free, settings.wall_smoothing_m * density)
     reach = _surround_reaches(image, units, linear_to_srgb(wall).astype(np.float32), density)
-    walls = np.array([surrounding_wall_light(wall, unit.box, density) for unit in units]).reshape(-1, 3)
-    of, chosen = _assign_types(image, units, walls, density)
+    walls = np.array([surrounding_wall_light(wall, unit.box, density, settings) for unit in units]).reshape(-1, 3)
+    of, chosen = _assign_types(image, units, walls, density, settings)
     return FacadeLibrary(
         tuple(units),
         of,
-        np.stack([unit_descriptor(image, unit.box, density) for unit in units])
+        np.stack([unit_descriptor(image, unit.box, density, settings) for unit in units])
         if units
-        else np.zeros((0, DESCRIPTOR_SIDE_PX, DESCRIPTOR_SIDE_PX, 3), np.float32),
+        else np.zeros((0, settings.descriptor_side_px, settings.descriptor_side_px, 3), np.float32),
         walls,
         {t: _make_type(fine, units[k], reach[k], whole, wall, density) for t, k in chosen.items()},
         tuple(bands),
-        _synthesise_grains(fine, free_fine, bands, whole, seed),
-        {number: _make_moulding(fine, free_fine, band, whole) for number, band in enumerate(bands) if band.is_moulding},
+        _synthesise_grains(fine, free_fine, bands, whole, seed, settings),
+        {
+            number: _make_moulding(fine, free_fine, band, whole, settings)
+            for number, band in enumerate(bands)
+            if band.is_moulding
+        },
     )
 
 
@@ -217,25 +222,32 @@ def find_similar_band(library: FacadeLibrary, band: WallBand) -> int | None:
 
 
 def _synthesise_grains(
-    fine: UInt8Array, free: BoolArray, bands: Sequence[WallBand], density: float, seed: int
+    fine: UInt8Array, free: BoolArray, bands: Sequence[WallBand], density: float, seed: int, settings: LibrarySettings
 ) -> dict[int, WallGrain]:
     """Synthesise the grain of every band that is no moulding; bands of nearly one colour share it."""
-    groups: list[list[int]] = []
-    for number, band in enumerate(bands):
-        if band.is_moulding:
-            continue
-        for group in groups:
-            if np.abs(np.sqrt(band.colour) - np.sqrt(bands[group[0]].colour)).max() < MAX_MATERIAL_DIFFERENCE:
-                group.append(number)
-                break
-        else:
-            groups.append([number])
+    plain = [number for number, band in enumerate(bands) if not band.is_moulding]
     found: dict[int, WallGrain] = {}
-    for group in groups:
+    for group in _group_by_colour(plain, [band.colour for band in bands], settings):
         area = np.logical_or.reduce([_band_mask(free, bands[number], density) for number in group])
         grain = synthesise_grain(fine, area, density, seed)
         found |= dict.fromkeys(group, grain)
     return found
+
+
+def _group_by_colour(
+    members: Sequence[int], colours: Sequence[FloatArray] | FloatArray, settings: LibrarySettings
+) -> list[list[int]]:
+    """Group members of nearly the colour of a group's first member, linear light (3,) each."""
+    groups: list[list[int]] = []
+    for member in members:
+        root = np.sqrt(colours[member])
+        for group in groups:
+            if np.abs(root - np.sqrt(colours[group[0]])).max() < settings.max_material_difference:
+                group.append(member)
+                break
+        else:
+            groups.append([member])
+    return groups
 
 
 def _band_mask(free: BoolArray, band: WallBand, density: float) -> BoolArray:
@@ -262,7 +274,7 @@ def _surround_reaches(
 
 
 def _assign_types(
-    image: UInt8Array, units: Sequence[FacadeUnit], walls: FloatArray, density: float
+    image: UInt8Array, units: Sequence[FacadeUnit], walls: FloatArray, density: float, settings: LibrarySettings
 ) -> tuple[Int64Array, dict[int, int]]:
     """Return the type of every unit at every level (levels, units), and the representative unit of each type.
 
@@ -270,17 +282,7 @@ def _assign_types(
     """
     if not units:
         return np.zeros((1, 0), np.int64), {}
-    materials: list[FloatArray] = []
-    groups: list[list[int]] = []
-    for k, wall in enumerate(np.sqrt(walls)):
-        number = next(
-            (n for n, other in enumerate(materials) if np.abs(wall - other).max() < MAX_MATERIAL_DIFFERENCE),
-            len(materials),
-        )
-        if number == len(materials):
-            materials.append(wall)
-            groups.append([])
-        groups[number].append(k)
+    groups = _group_by_colour(list(range(len(units))), walls, settings)
     of = [_assign_material_types(image, [units[k] for k in group], density) for group in groups]
     levels = np.zeros((max(len(own) for own, _ in of), len(units)), np.int64)
     chosen: dict[int, int] = {}
@@ -297,21 +299,26 @@ def _assign_material_types(
     image: UInt8Array, units: Sequence[FacadeUnit], density: float
 ) -> tuple[Int64Array, dict[int, int]]:
     """Return types and representatives of units in walls of one material."""
-    shown = [Element(unit.kind, *(round(side * density) for side in unit.box)) for unit in units]
-    hierarchy = encode(image, shown)
-    boxes = np.array([box for group in hierarchy.groups for box in group.boxes], float).reshape(-1, 4)
+    own = np.rint(np.array([unit.box for unit in units]) * density).astype(int)
+    hierarchy = encode(image, [Element(unit.kind, *box) for unit, box in zip(units, own.tolist(), strict=True)])
+    boxes = np.concatenate([np.zeros((0, 4)), *(np.reshape(group.boxes, (-1, 4)) for group in hierarchy.groups)])
     if not len(boxes):  # all elements are too small to be coded
         return np.arange(len(units))[None], {k: k for k in range(len(units))}
-    middle = (boxes[:, :2] + boxes[:, 2:]) / 2
-    own = np.array([((e.x0 + e.x1) / 2, (e.y0 + e.y1) / 2) for e in shown])
     # coded elements may have moved by a few pixels; elements that are too small are not coded
-    nearest = np.linalg.norm(own[:, None] - middle[None], axis=2).argmin(axis=1)
+    nearest = _nearest_boxes(own, boxes)
     levels = np.stack([hierarchy.types_at(level)[nearest] for level in range(len(hierarchy.levels))])
-    back = {int(element): k for k, element in reversed(list(enumerate(nearest.tolist())))}
+    back = dict(zip(nearest[::-1].tolist(), range(len(nearest))[::-1], strict=True))
     chosen = {t: back[int(e)] for t, e in enumerate(hierarchy.representatives) if int(e) in back}
     for t in np.unique(levels).tolist():  # type without a representative among the units
         chosen.setdefault(t, int(np.argwhere(levels == t)[0, 1]))
     return levels.astype(np.int64), chosen
+
+
+def _nearest_boxes(own: IntArray, others: Float64Array) -> Int64Array:
+    """Return, for each box (n, 4), the index (n,) of the other box (k, 4) with the nearest middle."""
+    own_middle, other_middle = ((boxes[:, :2] + boxes[:, 2:]) / 2 for boxes in (own, others))
+    nearest: Int64Array = np.linalg.norm(own_middle[:, None] - other_middle[None], axis=2).argmin(axis=1)
+    return nearest
 
 
 def _make_type(
@@ -338,23 +345,25 @@ def _make_type(
     )
 
 
-def _make_moulding(fine: UInt8Array, free: BoolArray, band: WallBand, density: float) -> MouldingTexture:
+def _make_moulding(
+    fine: UInt8Array, free: BoolArray, band: WallBand, density: float, settings: LibrarySettings
+) -> MouldingTexture:
     """Cut the longest free run of a band and blend its end into its start."""
     top, foot = round(band.top * density), max(round(band.top * density) + 1, round(band.foot * density))
     clear = free[top:foot].mean(axis=0) > 0.98
     edges = np.flatnonzero(np.diff(np.pad(clear.astype(np.int8), 1)))
     runs = edges.reshape(-1, 2)
     start, stop = max(runs.tolist(), key=lambda run: run[1] - run[0], default=[0, 0])
-    fade = round(FADE_M * density)
-    stop = min(stop, start + round(MAX_MOULDING_M * density) + fade)
+    fade = round(settings.fade_m * density)
+    stop = min(stop, start + round(settings.max_moulding_m * density) + fade)
     rows = fine[top:foot]
-    if stop - start < MIN_MOULDING_M * density + fade:
+    if stop - start < settings.min_moulding_m * density + fade:
         means = [
             srgb_to_linear(row[own] if own.any() else row).mean(axis=0)
             for row, own in zip(rows, free[top:foot], strict=True)
         ]
         column = linear_to_srgb(np.stack(means))
-        picture = np.repeat(column[:, None], max(8, round(MIN_MOULDING_M * density)), axis=1)
+        picture = np.repeat(column[:, None], max(8, round(settings.min_moulding_m * density)), axis=1)
     else:
         light = srgb_to_linear(rows[:, start:stop])
         share = ((np.arange(fade) + 0.5) / fade)[None, :, None]

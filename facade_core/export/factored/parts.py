@@ -10,23 +10,13 @@ import numpy as np
 from facade_core.core.arrays import Float64Array, FloatArray, Int64Array, UInt8Array
 from facade_core.core.grouping import RowsByValue, group_rows
 from facade_core.export.factored.glb import FactoredPrimitive
+from facade_core.export.factored.settings import UNFACTORED_SETTINGS, UnfactoredSettings
 from facade_core.export.factored.texture_packing import PackedTextures
 from facade_core.export.factored.wall_geometry import WallPiece, WallPieces
 from facade_core.export.models.pages import downscale
 from facade_core.export.models.textured_mesh import ModelFrame, TexturedMesh
 from facade_core.export.tiles.tile_pages import pack_tile_pages
 from facade_core.geometry.charts import ChartKind
-
-# Share of the texel density that ground charts keep; densities already fall with distance.
-GROUND_SHARE = 0.375
-# Maximum density of ground charts, texels per metre.
-MAX_GROUND_DENSITY = 8.0
-# Share of the texel density that roofs and party walls keep.
-UNFACTORED_SHARE = 0.25
-# Maximum density of roofs and party walls, texels per metre.
-MAX_UNFACTORED_DENSITY = 4.0
-# Minimum density, texels per metre.
-MIN_DENSITY = 2.0
 
 
 def merge_pieces(every: Iterable[WallPieces]) -> WallPieces:
@@ -88,7 +78,12 @@ def _make_part(own: Sequence[tuple[WallPiece, Float64Array, FloatArray]], frame:
 
 
 def pack_unfactored_charts(
-    source: TexturedMesh, triangles_of: RowsByValue, charts: Int64Array, before: int, frame: ModelFrame
+    source: TexturedMesh,
+    triangles_of: RowsByValue,
+    charts: Int64Array,
+    before: int,
+    frame: ModelFrame,
+    settings: UnfactoredSettings = UNFACTORED_SETTINGS,
 ) -> tuple[list[UInt8Array], dict[int, dict[int, FactoredPrimitive]]]:
     """Pack the charts that are not factored on pages of their own.
 
@@ -99,6 +94,7 @@ def pack_unfactored_charts(
     charts : (k,) chart ids, ascending.
     before : number of pictures before these pages.
     frame : frame of the model.
+    settings : numbers of unfactored charts.
 
     Returns
     -------
@@ -108,10 +104,10 @@ def pack_unfactored_charts(
     density = (source.texels / source.extent).max(axis=1)
     share, most = np.where(
         (kind == ChartKind.GROUND)[:, None],
-        (GROUND_SHARE, MAX_GROUND_DENSITY),
-        (UNFACTORED_SHARE, MAX_UNFACTORED_DENSITY),
+        (settings.ground_share, settings.max_ground_density),
+        (settings.unfactored_share, settings.max_unfactored_density),
     ).T
-    most = np.clip(share * density, MIN_DENSITY, most)
+    most = np.clip(share * density, settings.min_density, most)
     share = np.where(np.isin(kind, (ChartKind.WINDOW, ChartKind.DOOR)), 1.0, np.minimum(1.0, most / density))
     texels = np.maximum(1, np.ceil(source.texels * share[:, None] - 1e-6)).astype(np.int64)
 

@@ -7,16 +7,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from facade_core.core.arrays import Int64Array
+from facade_core.core.arrays import Int64Array, UInt8Array
 from facade_core.core.grouping import RowsByValue
 from facade_core.export.bodies.settings import OPENING_SETTINGS
-from facade_core.export.factored.glb import encode_factored_glb
+from facade_core.export.factored.glb import FactoredPrimitive, encode_factored_glb
 from facade_core.export.factored.parts import (
     build_factored_primitives,
     merge_factored_primitives,
     merge_pieces,
     pack_unfactored_charts,
 )
+from facade_core.export.factored.settings import WALL_SETTINGS
 from facade_core.export.factored.texture_packing import PackedTextures, texture_memory_bytes
 from facade_core.export.factored.wall_geometry import WallPieces
 from facade_core.export.models.encoders import TextureEncoder
@@ -24,9 +25,6 @@ from facade_core.export.models.features import FeatureTable
 from facade_core.export.models.textured_mesh import ModelFrame, TexturedMesh
 from facade_core.export.tiles.cells import QuadtreeCell
 from facade_core.export.tiles.tileset import ERROR_PIXELS, DetailLevel, cell_charts, z_up_bounds
-
-# Recesses appear once their depth covers this many pixels.
-MIN_RECESS_PIXELS = 2.0
 
 
 @dataclass(eq=False)
@@ -72,20 +70,12 @@ class FactoredLeafBuilder:
         before = len(self.picture_names)
         pages, parts = pack_unfactored_charts(self.source, self.triangles_of, mine, before, self.frame)
         self.texture_bytes += texture_memory_bytes(pages)
-        names = [f"pictures/rest{cell.path and '-'}{cell.path}-{k}.jpg" for k in range(len(pages))]
-        for name, page in zip(names, pages, strict=True):
-            self.write(name, self.encoder.encode(page))
-        uris = [f"../{name}" for name in (*self.picture_names, *names)]
+        uris = [f"../{name}" for name in (*self.picture_names, *self.write_pages(cell, pages))]
         repeated = [*self.pictures.is_repeated, *[False] * len(pages)]
         found = []
-        levels = list(self.levels.items())
-        if self.is_unfactored(cell):
-            levels = levels[-1:]
+        levels = list(self.levels.items())[-1 if self.is_unfactored(cell) else 0 :]
         for number, (level, laid) in enumerate(levels):
-            own = merge_pieces(laid[building] for building in cell.buildings.tolist() if building in laid)
-            shown = merge_factored_primitives(
-                [build_factored_primitives(own, self.pictures, self.frame), *parts.values()]
-            )
+            shown = merge_factored_primitives([self.build_walls(cell, laid), *parts.values()])
             glb = encode_factored_glb(
                 {cell.path or "block": shown},
                 uris,
@@ -96,13 +86,29 @@ class FactoredLeafBuilder:
                 copyright=self.copyright,
             )
             last = number == len(levels) - 1
-            self.triangles += sum(len(part.triangles) for part in shown.values()) if last else 0
-            error = 0.0 if last else OPENING_SETTINGS.recess_depths_m[0] * ERROR_PIXELS / MIN_RECESS_PIXELS
-            found.append(
-                DetailLevel(level, glb, z_up_bounds([part.position for part in shown.values()]), error, len(shown))
-            )
+            if last:
+                self.triangles += sum(len(part.triangles) for part in shown.values())
+            bounds = z_up_bounds([part.position for part in shown.values()])
+            found.append(DetailLevel(level, glb, bounds, 0.0 if last else _recess_error(), len(shown)))
         return found
+
+    def build_walls(self, cell: QuadtreeCell, laid: Mapping[int, WallPieces]) -> dict[int, FactoredPrimitive]:
+        """Build the walls of a cell's buildings by texture."""
+        own = merge_pieces(laid[building] for building in cell.buildings.tolist() if building in laid)
+        return build_factored_primitives(own, self.pictures, self.frame)
+
+    def write_pages(self, cell: QuadtreeCell, pages: Sequence[UInt8Array]) -> list[str]:
+        """Write the pages of a cell's unfactored charts and return their files, relative to the tileset."""
+        names = [f"pictures/rest{cell.path and '-'}{cell.path}-{k}.jpg" for k in range(len(pages))]
+        for name, page in zip(names, pages, strict=True):
+            self.write(name, self.encoder.encode(page))
+        return names
 
     def is_unfactored(self, cell: QuadtreeCell) -> bool:
         """Return True if no building of a cell is factored."""
         return not any(building in laid for laid in self.levels.values() for building in cell.buildings.tolist())
+
+
+def _recess_error() -> float:
+    """Return the geometric error, metres, of a level without recesses."""
+    return OPENING_SETTINGS.recess_depths_m[0] * ERROR_PIXELS / WALL_SETTINGS.min_recess_pixels

@@ -11,21 +11,12 @@ from scipy.sparse.csgraph import connected_components
 from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, UInt8Array
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Element
+from facade_core.export.factored.settings import UNIT_SETTINGS, UnitSettings
 
 Rectangle = tuple[float, float, float, float]
 
-# Maximum width of a unit of balcony and openings, metres.
-MAX_UNIT_WIDTH_M = 4.5
-# Maximum gap between the elements of a unit, metres.
-MAX_GAP_M = 0.12
-# Maximum reach of a surround beyond its element, metres.
-MAX_REACH_M = 0.6
-# Minimum reach of a surround, metres.
-MIN_REACH_M = 0.06
-# Minimum share of different pixels in a line of a surround.
-MIN_DIFFERENT_SHARE = 0.3
-# Minimum difference of such a pixel from the wall, grey levels.
-MIN_GREY_DIFFERENCE = 14.0
+# Labels of elements, the most significant of a unit first.
+UNIT_KINDS = ("shop", "door", "balcony", "window")
 
 
 @dataclass(frozen=True)
@@ -49,28 +40,32 @@ class FacadeUnit:
         return self.box[2] - self.box[0], self.box[3] - self.box[1]
 
 
-def group_elements_into_units(elements: Sequence[Element], density: float) -> list[FacadeUnit]:
+def group_elements_into_units(
+    elements: Sequence[Element], density: float, settings: UnitSettings = UNIT_SETTINGS
+) -> list[FacadeUnit]:
     """Group elements to units, sorted by rows from the top, then from the left.
 
     Parameters
     ----------
     elements : elements in pixels.
     density : pixels per metre.
+    settings : numbers of units.
     """
     kept = [e for e in elements if e.label in ELEMENT_CLASSES and min(e.width, e.height) / density > 0.2]
     boxes = np.array([(e.x0, e.y0, e.x1, e.y1) for e in kept]).reshape(-1, 4) / density
     balcony = np.array([e.label == "balcony" for e in kept], bool)
     low, high = boxes[:, :2], boxes[:, 2:]
-    near = ((low[:, None] <= high[None] + MAX_GAP_M) & (high[:, None] >= low[None] - MAX_GAP_M)).all(axis=-1)
+    near = ((low[:, None] <= high[None] + settings.max_gap_m) & (high[:, None] >= low[None] - settings.max_gap_m)).all(
+        axis=-1
+    )
     across = np.minimum(high[:, None, 0], high[None, :, 0]) - np.maximum(low[:, None, 0], low[None, :, 0]) > 0
     union = np.maximum(high[:, None, 0], high[None, :, 0]) - np.minimum(low[:, None, 0], low[None, :, 0])
-    joined = near & across & (union <= MAX_UNIT_WIDTH_M) & (balcony[:, None] ^ balcony[None])
+    joined = near & across & (union <= settings.max_unit_width_m) & (balcony[:, None] ^ balcony[None])
     count, of = connected_components(joined, directed=False) if len(kept) else (0, np.zeros(0))
     found = []
     for number in range(count):
         mine = np.flatnonzero(of == number)
-        labels = [kept[i].label for i in mine]
-        kind = next(label for label in ("shop", "door", "balcony", "window") if label in labels)
+        kind = min((kept[i].label for i in mine), key=UNIT_KINDS.index)
         box = (*boxes[mine, :2].min(axis=0).tolist(), *boxes[mine, 2:].max(axis=0).tolist())
         found.append(FacadeUnit(kind, box, tuple(_uncovered_panes(boxes[mine], balcony[mine]))))
     return sorted(found, key=lambda unit: (unit.box[1], unit.box[0]))
@@ -89,7 +84,12 @@ def _uncovered_panes(boxes: Float64Array, balcony: BoolArray) -> list[Rectangle]
 
 
 def surround_reach(
-    image: UInt8Array, others: BoolArray, wall: Float32Array, box: Rectangle, density: float
+    image: UInt8Array,
+    others: BoolArray,
+    wall: Float32Array,
+    box: Rectangle,
+    density: float,
+    settings: UnitSettings = UNIT_SETTINGS,
 ) -> tuple[float, float, float, float]:
     """Measure how far the surround of a unit reaches beyond its box.
 
@@ -100,6 +100,7 @@ def surround_reach(
     wall : (h, w, 3) float32 colour of the wall around each pixel, grey levels.
     box : x0, y0, x1, y1 in metres.
     density : pixels per metre.
+    settings : numbers of units.
 
     Returns
     -------
@@ -109,7 +110,7 @@ def surround_reach(
     x0, y0, x1, y1 = (round(side * density) for side in box)
     reach = []
     for axis, outward, start in ((1, -1, x0), (0, -1, y0), (1, 1, x1), (0, 1, y1)):
-        limit = round(MAX_REACH_M * density)
+        limit = round(settings.max_reach_m * density)
         last = 0
         for step in range(limit):
             at = start + outward * step - (outward < 0)
@@ -118,8 +119,8 @@ def surround_reach(
             line = (slice(max(0, y0), y1), at) if axis else (at, slice(max(0, x0), x1))
             if others[line].mean() > 0.1:
                 break
-            off = np.abs(image[line].astype(np.float32) - wall[line]).max(axis=1) > MIN_GREY_DIFFERENCE
-            if off.mean() > MIN_DIFFERENT_SHARE:
+            off = np.abs(image[line].astype(np.float32) - wall[line]).max(axis=1) > settings.min_grey_difference
+            if off.mean() > settings.min_different_share:
                 last = step + 1
-        reach.append(max(MIN_REACH_M, last / density + 0.03))
+        reach.append(max(settings.min_reach_m, last / density + 0.03))
     return tuple(reach)  # type: ignore[return-value]

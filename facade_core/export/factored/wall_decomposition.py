@@ -17,10 +17,8 @@ from facade_core.export.factored.library import (
     surrounding_wall_light,
     unit_descriptor,
 )
+from facade_core.export.factored.settings import WALL_SETTINGS, WallSettings
 from facade_core.export.factored.units import group_elements_into_units
-
-# Smoothing of the light on a wall, metres.
-SHADE_SMOOTHING_M = 0.4
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,18 +55,21 @@ class WallDecomposition:
     wall_light : (h, w, 3) linear light of the free wall, smoothed.
     """
 
-    def __init__(self, facade: StoredFacadeWall, library: FacadeLibrary) -> None:
+    def __init__(
+        self, facade: StoredFacadeWall, library: FacadeLibrary, settings: WallSettings = WALL_SETTINGS
+    ) -> None:
+        self.settings = settings
         self.facade, self.library, density = facade, library, facade.density
         units = group_elements_into_units(facade.elements, density)
         self.free = free_wall_mask(facade.labels, [unit.box for unit in units], density)
         self.light = srgb_to_linear(facade.colour)
-        self.wall_light = smooth_known_light(self.light, self.free, SHADE_SMOOTHING_M * density)
+        self.wall_light = smooth_known_light(self.light, self.free, settings.shade_smoothing_m * density)
         self.bands = [
             (band, find_similar_band(library, band), self._band_light(band))
             for band in split_wall_into_bands(facade.base_layer, self.free, density)
         ]
         ordered = sorted(units, key=lambda unit: (-unit.size[0] * unit.size[1], unit.box))
-        around = smooth_known_light(srgb_to_linear(facade.base_layer), self.free, SHADE_SMOOTHING_M * density)
+        around = smooth_known_light(srgb_to_linear(facade.base_layer), self.free, settings.shade_smoothing_m * density)
         named = []
         for unit in ordered:
             look, wall = (
@@ -90,7 +91,7 @@ class WallDecomposition:
             light, free = mean[None].astype(np.float32), (weight > 0)[None]
         if not free.any():
             free = np.ones_like(free)
-        return smooth_known_light(light, free, SHADE_SMOOTHING_M * density)
+        return smooth_known_light(light, free, self.settings.shade_smoothing_m * density)
 
     def nearest_grain(self, y: float) -> tuple[int, Float32Array, WallBand] | None:
         """Return match, light and band of the grain band nearest to a height; None if there is none."""

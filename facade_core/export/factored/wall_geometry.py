@@ -16,20 +16,11 @@ from facade_core.core.linear_light import srgb_to_linear
 from facade_core.export.bodies.mouldings import WallBand
 from facade_core.export.bodies.recess import recess_opening
 from facade_core.export.bodies.settings import OPENING_SETTINGS
-from facade_core.export.factored.image_quilting import REPEAT_M
 from facade_core.export.factored.library import mean_light
+from facade_core.export.factored.settings import GRAIN_SETTINGS, WALL_SETTINGS, WallSettings
 from facade_core.export.factored.units import FacadeUnit, Rectangle
 from facade_core.export.factored.wall_decomposition import WallDecomposition
 from facade_core.geometry.charts import Charts
-
-# Light on reveals relative to the wall.
-REVEAL_LIGHT = 0.7
-# Maximum factor on the picture of an element, so that a wrong type does not glare.
-MAX_LIGHT_FACTOR = 2.0
-# Minimum factor on the picture of an element, so that a wrong type is not a black window.
-MIN_LIGHT_FACTOR = 0.4
-# Maximum distance of a wall's corners from its plane, metres; other walls stay as they are.
-MAX_OFF_WALL_PLANE_M = 0.02
 
 # Picture of triangles: "grain", "moulding" or "type", the library, and the band or type in it.
 TextureKey = tuple[str, int, int]
@@ -88,11 +79,14 @@ class WallPolygon(NamedTuple):
     corners: Float64Array
 
 
-def is_planar_and_valid(plane: WallPolygon) -> bool:
+def is_planar_and_valid(plane: WallPolygon, settings: WallSettings = WALL_SETTINGS) -> bool:
     """Return True if a polygon is planar and valid."""
     middle = plane.corners.mean(axis=0)
     _, _, axes = np.linalg.svd(plane.corners - middle, full_matrices=False)
-    return bool(np.abs((plane.corners - middle) @ axes[2]).max() <= MAX_OFF_WALL_PLANE_M) and plane.outline.is_valid
+    return (
+        bool(np.abs((plane.corners - middle) @ axes[2]).max() <= settings.max_off_wall_plane_m)
+        and plane.outline.is_valid
+    )
 
 
 class WallDetailLevel(NamedTuple):
@@ -137,7 +131,7 @@ def build_wall(
     behind : triangles behind the wall, as in `bodies.recess.recess_opening`; changed in place.
     pieces : pieces of the building; changed in place.
     """
-    offset = REPEAT_M * np.random.default_rng(decomposition.facade.chart).random(2)
+    offset = GRAIN_SETTINGS.repeat_m * np.random.default_rng(decomposition.facade.chart).random(2)
     for plane in planes:
         wall = _WallBuilder(charts, plane, decomposition, library_index, detail, offset, pieces)
         free = plane.outline
@@ -180,31 +174,20 @@ class _WallBuilder:
         if foot <= top:
             return
         moulding = None if own is None else self.decomposition.library.mouldings.get(own)
-        wide = moulding.width_m if moulding is not None else self.detail.cell_m
-        across = np.arange(np.floor(x0 / wide), np.ceil(x1 / wide) + 1) * wide
-        rows = 1 if moulding is not None else max(1, round((foot - top) / self.detail.cell_m))
-        down = np.linspace(top, foot, rows + 1)
-        boxes = shapely.box(
-            *(side.ravel() for side in np.meshgrid(across[:-1], down[:-1])),
-            *(side.ravel() for side in np.meshgrid(across[1:], down[1:])),
-        )
-        corners, cell = _triangulate_areas(shapely.intersection(boxes, free))
-        if not len(corners):
+        number = own if own is not None else -1
+        if moulding is None:
+            rows = max(1, round((foot - top) / self.detail.cell_m))
+            corners, _ = _cut_cells(free, (x0, top, x1, foot), self.detail.cell_m, rows)
+            if len(corners):
+                light: FloatArray = self._sample_light(shade, band, corners.reshape(-1, 2))
+                self._add_piece(("grain", self.library_index, number), corners, corners + self.offset, light)
             return
-        if moulding is not None:
-            left = across[:-1][cell % (len(across) - 1)]
-            place = np.stack(
-                [(corners[..., 0] - left[:, None]) / wide, (corners[..., 1] - top) / (foot - top)], axis=-1
-            )
-            light: FloatArray = self._sample_light(shade, band, corners.reshape(-1, 2)) / np.maximum(
-                moulding.colour, 1e-4
-            )
-            key: TextureKey = ("moulding", self.library_index, own if own is not None else -1)
-        else:
-            place = corners + self.offset
-            light = self._sample_light(shade, band, corners.reshape(-1, 2))
-            key = ("grain", self.library_index, own if own is not None else -1)
-        self._add_piece(key, corners, place, light)
+        corners, left = _cut_cells(free, (x0, top, x1, foot), moulding.width_m, 1)
+        if len(corners):
+            across = (corners[..., 0] - left[:, None]) / moulding.width_m
+            place = np.stack([across, (corners[..., 1] - top) / (foot - top)], axis=-1)
+            light = self._sample_light(shade, band, corners.reshape(-1, 2)) / np.maximum(moulding.colour, 1e-4)
+            self._add_piece(("moulding", self.library_index, number), corners, place, light)
 
     def insert_unit(
         self, unit: FacadeUnit, shown: int, free: shapely.Geometry, behind: list[Float64Array]
@@ -223,7 +206,7 @@ class _WallBuilder:
         rest = free.difference(area)
         size = np.array([width, height])
         own = mean_light(self.decomposition.wall_light, _make_rectangle(corner, corner + step * size), density)
-        light = np.clip(own / np.maximum(kind.wall_light, 1e-4), MIN_LIGHT_FACTOR, MAX_LIGHT_FACTOR)
+        light = self._clip_factor(own / np.maximum(kind.wall_light, 1e-4))
         key: TextureKey = ("type", self.library_index, shown)
         inner = self.plane.outline.buffer(-OPENING_SETTINGS.wall_edge_m, join_style="mitre").intersection(
             area.buffer(-OPENING_SETTINGS.wall_edge_m / 2)
@@ -248,11 +231,7 @@ class _WallBuilder:
                 for low, high in ((top, foot), (left, right))
             )
             mine = srgb_to_linear(kind.picture[rows, columns]).mean(axis=(0, 1))
-            within = np.clip(
-                mean_light(self.decomposition.light, box, density) / np.maximum(mine, 1e-4),
-                MIN_LIGHT_FACTOR,
-                MAX_LIGHT_FACTOR,
-            )
+            within = self._clip_factor(mean_light(self.decomposition.light, box, density) / np.maximum(mine, 1e-4))
             corners, _ = _triangulate_areas(np.array([pane]))
             self._add_piece(key, corners, ((corners - corner) / step) / size, within, found.depth)
             self._add_reveals(found.reveals())
@@ -261,6 +240,10 @@ class _WallBuilder:
         self.pieces.elements.append((key, float(1 / step.max())))
         return rest
 
+    def _clip_factor(self, factor: FloatArray) -> FloatArray:
+        settings = self.decomposition.settings
+        return np.clip(factor, settings.min_light_factor, settings.max_light_factor)
+
     def _add_reveals(self, faces: Sequence[tuple[Float64Array, Float64Array]]) -> None:
         for ring, flat in faces:
             found = self.decomposition.nearest_grain(float(flat[:, 1].mean()))
@@ -268,7 +251,7 @@ class _WallBuilder:
                 continue
             own, shade, band = found
             normal = np.cross(ring[1] - ring[0], ring[3] - ring[0])
-            light = REVEAL_LIGHT * self._sample_light(shade, band, flat)
+            light = self.decomposition.settings.reveal_light * self._sample_light(shade, band, flat)
             piece = WallPiece(
                 ring,
                 np.tile(normal / max(float(np.linalg.norm(normal)), 1e-12), (4, 1)),
@@ -322,6 +305,24 @@ def _make_rectangle(low: Float64Array, high: Float64Array) -> Rectangle:
 def _largest_polygon(area: shapely.Geometry) -> Polygon | None:
     parts = [part for part in shapely.get_parts(area) if part.geom_type == "Polygon" and part.area > 1e-4]
     return max(parts, key=lambda part: part.area, default=None)
+
+
+def _cut_cells(free: shapely.Geometry, bounds: Rectangle, width: float, rows: int) -> tuple[Float64Array, Float64Array]:
+    """Cut the free part of a wall into cells of a width, in some rows between its bounds.
+
+    Returns
+    -------
+    Triangles (t, 3, 2), and the left side (t,) of the cell of each.
+    """
+    x0, top, x1, foot = bounds
+    across = np.arange(np.floor(x0 / width), np.ceil(x1 / width) + 1) * width
+    down = np.linspace(top, foot, rows + 1)
+    boxes = shapely.box(
+        *(side.ravel() for side in np.meshgrid(across[:-1], down[:-1])),
+        *(side.ravel() for side in np.meshgrid(across[1:], down[1:])),
+    )
+    corners, cell = _triangulate_areas(shapely.intersection(boxes, free))
+    return corners, across[:-1][cell % (len(across) - 1)]
 
 
 def _triangulate_areas(areas: ObjectArray) -> tuple[Float64Array, Int64Array]:
