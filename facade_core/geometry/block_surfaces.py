@@ -15,7 +15,7 @@ from facade_core.core.types import Building, Street
 from facade_core.geometry.buildings.chimneys import build_chimneys
 from facade_core.geometry.buildings.closing import concatenate_facets, missing_walls
 from facade_core.geometry.buildings.dormers import build_dormers
-from facade_core.geometry.buildings.eaves import MIN_PARAPET_ROOF_M, build_overhang, build_parapet
+from facade_core.geometry.buildings.eaves import build_overhang, build_parapet
 from facade_core.geometry.buildings.extrusion import Extrusion, add_extrusion_charts, facets_entirely_above
 from facade_core.geometry.buildings.facets import Facets, extract_shell_facets, line_share_with_walls
 from facade_core.geometry.buildings.gutters import build_gutters
@@ -27,8 +27,9 @@ from facade_core.geometry.buildings.neighbours import (
 )
 from facade_core.geometry.buildings.passages import passage_openings, standing_outline
 from facade_core.geometry.buildings.roof_details import RoofDetail
-from facade_core.geometry.buildings.roof_edges import MAX_SIGHT_M, OPEN_SURROUNDINGS, RoofSurroundings, sample_streets
-from facade_core.geometry.buildings.roof_shapes import GRID_M, build_shell_with_roof
+from facade_core.geometry.buildings.roof_edges import OPEN_SURROUNDINGS, RoofSurroundings, sample_streets
+from facade_core.geometry.buildings.roof_shapes import build_shell_with_roof
+from facade_core.geometry.buildings.settings import EAVES, ROOF_EDGES, ROOF_SHAPES
 from facade_core.geometry.buildings.shells import add_facet_charts, add_skirt_charts, lift_to_ground, lower_to_ground
 from facade_core.geometry.buildings.vents import build_flat_roof_vents, build_vents
 from facade_core.geometry.charts import ChartBuilder, Charts, Mesh, SurfaceTarget
@@ -95,7 +96,9 @@ def build_block_surfaces(
             adjoining = roof_continuation_footprints(index, buildings, tree)
             # of streets out of reach one is left, because without any every edge counts as in sight
             reached = np.sort(
-                eye_tree.query(building.footprint, predicate="dwithin", distance=MAX_SIGHT_M + SIGHT_MARGIN_M)
+                eye_tree.query(
+                    building.footprint, predicate="dwithin", distance=ROOF_EDGES.max_sight_m + SIGHT_MARGIN_M
+                )
             )
             in_reach = eyes[reached] if len(reached) else eyes[:1]
             obstacles = neighbour_area_above_eaves(index, buildings, tree, terrain)
@@ -160,7 +163,7 @@ def add_building_charts(
             above_what = "where it begins" if building.raised else "0"
             raise GeometryError(f"its height is not above {above_what}; state one or drop it")
         base = terrain.lowest_along(outline) if building.base is None else building.base
-        onto_grid = shapely.transform(outline, lambda xy: np.round(xy / GRID_M) * GRID_M)
+        onto_grid = shapely.transform(outline, lambda xy: np.round(xy / ROOF_SHAPES.grid_m) * ROOF_SHAPES.grid_m)
         roof_shell = (
             build_shell_with_roof(replace(building, footprint=onto_grid), base, adjoining)
             if onto_grid.is_valid
@@ -170,7 +173,11 @@ def add_building_charts(
         assumed = building.roof is not None and building.roof.confidence < 1
         top = base + building.height
         if roof_shell is None:
-            if building.roof is not None and building.roof.shape == "flat" and building.height > MIN_PARAPET_ROOF_M:
+            if (
+                building.roof is not None
+                and building.roof.shape == "flat"
+                and building.height > EAVES.min_parapet_roof_m
+            ):
                 details.append(build_parapet(outline, top, surroundings))
                 if assumed:
                     details.append(build_flat_roof_vents(building.id, outline, top, surroundings, building.height))

@@ -11,27 +11,11 @@ from shapely import Polygon
 from facade_core.core.arrays import Float64Array
 from facade_core.geometry.buildings.facets import Facets
 from facade_core.geometry.buildings.roof_details import RoofDetail, RoofDetailBuilder
+from facade_core.geometry.buildings.settings import CHIMNEYS, ChimneySettings
 from facade_core.geometry.charts import ChartKind
 
-# Square metres of footprint from which a pitched roof has a chimney, and two.
-MIN_ROOF_M2 = 60.0
-MIN_ROOF_OF_TWO_M2 = 900.0
-# Share of such roofs with chimneys.
-CHIMNEY_SHARE = 0.7
-# Random places per roof; the highest ones are used.
-CANDIDATES = 24
-# Metres from the outline to a chimney, and between two chimneys.
-MIN_INSET_M = 1.6
-MIN_SPACING_M = 6.0
-# Metres; ranges of the length and of the height over the roof at the middle.
-WIDTH_M = 0.6
-LENGTH_M = (0.7, 1.5)
-HEIGHT_M = (0.8, 1.3)
-# Metres from the lowest roof around a chimney down to its foot.
-BURIED_M = 0.05
 
-
-def build_chimneys(id: str, roof: Facets, outline: Polygon) -> RoofDetail | None:
+def build_chimneys(id: str, roof: Facets, outline: Polygon, settings: ChimneySettings = CHIMNEYS) -> RoofDetail | None:
     """Build the chimneys of a building, at most 20 triangles.
 
     Parameters
@@ -39,44 +23,52 @@ def build_chimneys(id: str, roof: Facets, outline: Polygon) -> RoofDetail | None
     id : seed of the random draws.
     roof : facets of the roof.
     outline : footprint of the building.
+    settings : numbers of the step.
 
     Returns
     -------
     None without a chimney.
     """
     rng = np.random.default_rng(int.from_bytes(blake2b(id.encode(errors="surrogatepass"), digest_size=8).digest()))
-    if outline.area < MIN_ROOF_M2 or rng.random() > CHIMNEY_SHARE:
+    if outline.area < settings.min_roof_m2 or rng.random() > settings.chimney_share:
         return None
-    within = outline.buffer(-MIN_INSET_M)
+    within = outline.buffer(-settings.min_inset_m)
     west, south, east, north = outline.bounds
-    places = [west, south] + rng.random((CANDIDATES, 2)) * [east - west, north - south]
+    places = [west, south] + rng.random((settings.candidates, 2)) * [east - west, north - south]
     places = places[shapely.contains_xy(within, *places.T)]
     heights = _roof_heights(roof, places)
     faces = RoofDetailBuilder()
     turn = _longest_edge_direction(outline)
     built: list[Float64Array] = []
     for place in places[np.argsort(-np.nan_to_num(heights, nan=-np.inf), kind="stable")]:
-        if len(built) == (2 if outline.area > MIN_ROOF_OF_TWO_M2 else 1):
+        if len(built) == (2 if outline.area > settings.min_roof_of_two_m2 else 1):
             break
-        if all(np.hypot(*(place - other)) > MIN_SPACING_M for other in built) and _add_chimney(
-            faces, rng, roof, place, turn
+        if all(np.hypot(*(place - other)) > settings.min_spacing_m for other in built) and _add_chimney(
+            faces, rng, roof, place, turn, settings
         ):
             built.append(place)
     return faces.build() if built else None
 
 
 def _add_chimney(
-    faces: RoofDetailBuilder, rng: np.random.Generator, roof: Facets, place: Float64Array, along: Float64Array
+    faces: RoofDetailBuilder,
+    rng: np.random.Generator,
+    roof: Facets,
+    place: Float64Array,
+    along: Float64Array,
+    settings: ChimneySettings,
 ) -> bool:
     """Add a chimney at a place (2,), its long side `along`; False where it would cross the roof's edge."""
-    long, high = (low + rng.random() * (most - low) for low, most in (LENGTH_M, HEIGHT_M))
+    long, high = (low + rng.random() * (most - low) for low, most in (settings.length_m, settings.height_m))
     across = np.array([-along[1], along[0]])
     # counter-clockwise from above
-    corners = place + [x * along * long / 2 + y * across * WIDTH_M / 2 for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    corners = place + [
+        x * along * long / 2 + y * across * settings.width_m / 2 for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+    ]
     under = _roof_heights(roof, np.concatenate([corners, place[None]]))
     if not np.isfinite(under).all():
         return False
-    low = np.column_stack([corners, np.full(4, under.min() - BURIED_M)])
+    low = np.column_stack([corners, np.full(4, under.min() - settings.buried_m)])
     top = np.column_stack([corners, np.full(4, under[-1] + high)])
     for k in range(4):
         after = (k + 1) % 4

@@ -22,8 +22,8 @@ from facade_core.geometry.buildings.passages import (
     standing_outline,
     wall_openings,
 )
-from facade_core.geometry.buildings.roof_shapes import GRID_M
-from facade_core.geometry.buildings.shells import MIN_SKIRT_M, add_facet_charts
+from facade_core.geometry.buildings.settings import ROOF_SHAPES, SHELLS
+from facade_core.geometry.buildings.shells import add_facet_charts
 from facade_core.geometry.charts import ChartKind, SurfaceTarget
 from facade_core.geometry.cutting import MIN_WALL_PIECE_M, grid_crossings
 from facade_core.geometry.ground.ground_charts import GRID_DIVISORS, add_horizontal_surface, add_planar_chart
@@ -93,7 +93,7 @@ def _add_skirt_walls(
         length = float(np.hypot(*(b - a)))
         steps = grid_crossings(a, b, length, target.grid / GRID_DIVISORS[-1]) / max(length, MIN_WALL_PIECE_M)
         foot = float(terrain.interpolate(a + steps[:, None] * (b - a)).min())
-        if base - foot > MIN_SKIRT_M:
+        if base - foot > SHELLS.min_skirt_m:
             _add_wall(target, a, b, foot, base)
 
 
@@ -101,7 +101,7 @@ def facets_entirely_above(found: Facets, height: float) -> Facets:
     """Return the facets whose lowest vertex is above a height in metres."""
     low = np.full(len(found), np.inf)
     np.minimum.at(low, found.facet, found.vertices[found.triangles][..., 2].min(axis=1))
-    kept = low > height - GRID_M
+    kept = low > height - ROOF_SHAPES.grid_m
     mine = kept[found.facet]
     return replace(
         found,
@@ -215,4 +215,8 @@ def _distances_on_edge(start: Float64Array, along: Float64Array, length: float, 
     offset = points - start
     step = offset @ along
     off = np.abs(offset[:, 0] * along[1] - offset[:, 1] * along[0])
-    return np.unique(np.round(step[(off < 2 * GRID_M) & (step > GRID_M) & (step < length - GRID_M)], 6))
+    return np.unique(
+        np.round(
+            step[(off < 2 * ROOF_SHAPES.grid_m) & (step > ROOF_SHAPES.grid_m) & (step < length - ROOF_SHAPES.grid_m)], 6
+        )
+    )

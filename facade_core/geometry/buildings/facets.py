@@ -12,25 +12,16 @@ from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int32
 from facade_core.core.errors import GeometryError
 from facade_core.core.numba_cache import njit
 from facade_core.core.types import SEMANTICS, BuildingShell
+from facade_core.geometry.buildings.settings import FACETS, FacetSettings
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.surface_crossings import RayCrossingCounter
 
-# Grid on which vertices are merged; metres.
-WELD_M = 1e-3
 # Metres from a triangle of a facet to the facet's plane.
 MAX_OFF_PLANE_M = 0.1
 # Cosine between the normals of a triangle and its facet: 3 degrees.
 MIN_NORMAL_COSINE = np.cos(np.radians(3.0))
 # Accuracy of source vertices in metres, which bounds that of a thin triangle's normal.
 VERTEX_ACCURACY_M = 0.01
-MIN_FACET_M2 = 0.01
-# |nz| below which a surface is upright, and below which one is that its source calls a wall, window or door.
-MAX_UPRIGHT_NZ = 0.2
-MAX_LEANING_NZ = 0.7
-# Metres off a wall of the points that decide which side is inside the footprint.
-SIDE_PROBE_M = 0.05
-# Metres above the lowest point of a building up to which surfaces that face down are its underside.
-UNDERSIDE_M = 0.5
 
 _KIND_OF_SEMANTIC = {
     "wall": ChartKind.WALL,
@@ -71,7 +62,9 @@ class Facets:
         return len(self.kind)
 
 
-def extract_shell_facets(shell: BuildingShell, footprint: Polygon | MultiPolygon) -> Facets:
+def extract_shell_facets(
+    shell: BuildingShell, footprint: Polygon | MultiPolygon, settings: FacetSettings = FACETS
+) -> Facets:
     """Group the triangles of a shell into connected planar facets of one semantic and texture.
 
     The winding is the last resort. An upright facet has the footprint behind it. A facet inside the footprint, or a
@@ -80,6 +73,7 @@ def extract_shell_facets(shell: BuildingShell, footprint: Polygon | MultiPolygon
     Parameters
     ----------
     footprint : outline of the building.
+    settings : numbers of the step.
 
     Raises
     ------
@@ -89,7 +83,7 @@ def extract_shell_facets(shell: BuildingShell, footprint: Polygon | MultiPolygon
         raise GeometryError("its model has coordinates that are not numbers; repair or drop it")
     if shell.triangles.size and not 0 <= shell.triangles.min() <= shell.triangles.max() < len(shell.vertices):
         raise GeometryError("its model has triangles without a vertex; repair or drop it")
-    vertices, triangles, area, kept = _weld(shell)
+    vertices, triangles, area, kept = _weld(shell, settings)
     semantic, texture, uv = shell.semantic[kept].astype(np.int64), shell.texture[kept], shell.uv[kept]
     length = np.linalg.norm(area, axis=1)
     label = semantic + len(SEMANTICS) * (texture.astype(np.int64) + 1)
@@ -120,14 +114,16 @@ def extract_shell_facets(shell: BuildingShell, footprint: Polygon | MultiPolygon
         & (facet_semantic != _UNKNOWN)
         & (facet_semantic != _GROUND)
     )
-    upright = np.abs(normal[:, 2]) < np.where(leaning, MAX_LEANING_NZ, MAX_UPRIGHT_NZ)
+    upright = np.abs(normal[:, 2]) < np.where(leaning, settings.max_leaning_nz, settings.max_upright_nz)
     low = np.full(count, np.inf)
     np.minimum.at(low, facet, corners[..., 2].min(axis=1))
     low -= vertices[:, 2].min() if len(vertices) else 0.0
 
-    outward = _orient_outward(normal, middle, odd, upright, facet_semantic, low, size, footprint, closed, crossings)
-    kind = _chart_kinds(facet_semantic, outward, upright, low)
-    keep = (kind >= 0) & (size / 2 >= MIN_FACET_M2)
+    outward = _orient_outward(
+        normal, middle, odd, upright, facet_semantic, low, size, footprint, closed, crossings, settings
+    )
+    kind = _chart_kinds(facet_semantic, outward, upright, low, settings)
+    keep = (kind >= 0) & (size / 2 >= settings.min_facet_m2)
     number = np.cumsum(keep) - 1
     mine = np.flatnonzero(keep[facet])
     mine = mine[np.argsort(facet[mine], kind="stable")]
@@ -144,12 +140,12 @@ def extract_shell_facets(shell: BuildingShell, footprint: Polygon | MultiPolygon
     )
 
 
-def _weld(shell: BuildingShell) -> tuple[Float64Array, Int64Array, Float64Array, Int64Array]:
+def _weld(shell: BuildingShell, settings: FacetSettings) -> tuple[Float64Array, Int64Array, Float64Array, Int64Array]:
     """Merge vertices and drop degenerate and repeated triangles, keeping textured ones.
 
     Returns vertices, triangles, doubled area vectors, and the kept rows of the shell.
     """
-    cell = np.round(np.asarray(shell.vertices) / WELD_M).astype(np.int64)
+    cell = np.round(np.asarray(shell.vertices) / settings.weld_m).astype(np.int64)
     order = np.lexsort(cell.T)
     new = np.concatenate([[True], (np.diff(cell[order], axis=0) != 0).any(axis=1)]) if len(cell) else np.empty(0, bool)
     weld = np.empty(len(cell), np.int64)
@@ -199,12 +195,13 @@ def _orient_outward(
     footprint: Polygon | MultiPolygon,
     closed: bool,
     crossings: RayCrossingCounter,
+    settings: FacetSettings,
 ) -> Float64Array:
     """Orient normals outward; odd (f, 2): whether the surfaces in front of and behind a facet are odd in number."""
     ahead, behind = odd.T
     # upright facets: by the footprint, then by the number of surfaces on either side
     flat = normal[:, :2] / np.maximum(np.hypot(normal[:, 0], normal[:, 1]), 1e-9)[:, None]
-    aside = SIDE_PROBE_M * np.column_stack([flat, np.zeros(len(flat))])
+    aside = settings.side_probe_m * np.column_stack([flat, np.zeros(len(flat))])
     shapely.prepare(footprint)
     inside = [shapely.contains_xy(footprint, (middle + s * aside)[:, :2]) for s in (1, -1)]
     on_outline = upright & (inside[0] != inside[1])
@@ -223,7 +220,7 @@ def _orient_outward(
     winds_down = (normal[:, 2] < 0) != reverse
     above = np.where(normal[:, 2] > 0, ahead, behind)
     below = np.where(normal[:, 2] > 0, behind, ahead)
-    down = np.where(closed, above & ~below, winds_down & (above | (low < UNDERSIDE_M)))
+    down = np.where(closed, above & ~below, winds_down & (above | (low < settings.underside_m)))
     down = np.where(above & below, winds_down, down)
     down = np.where(facet_semantic == _CEILING, True, np.where((facet_semantic == _ROOF) & (not closed), False, down))
     flip = np.where(upright, np.where(decided, flip, reverse), (normal[:, 2] < 0) != down)
@@ -231,10 +228,10 @@ def _orient_outward(
 
 
 def _chart_kinds(
-    facet_semantic: Int64Array, outward: Float64Array, upright: BoolArray, low: Float64Array
+    facet_semantic: Int64Array, outward: Float64Array, upright: BoolArray, low: Float64Array, settings: FacetSettings
 ) -> Int64Array:
     """Return the chart kinds (f,) of facets, by semantic, else by slope and place; -1 for the underside."""
-    level = np.where(outward[:, 2] > 0, ChartKind.ROOF, np.where(low < UNDERSIDE_M, -1, ChartKind.CEILING))
+    level = np.where(outward[:, 2] > 0, ChartKind.ROOF, np.where(low < settings.underside_m, -1, ChartKind.CEILING))
     decided = np.array([_KIND_OF_SEMANTIC.get(name, -1) for name in SEMANTICS])[facet_semantic]
     kind = np.where(
         (facet_semantic == _UNKNOWN) | (facet_semantic == _WALL), np.where(upright, ChartKind.WALL, level), decided

@@ -12,20 +12,13 @@ from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from facade_core.core.types import Building
-from facade_core.geometry.buildings.eaves import OVERHANG_M
-from facade_core.geometry.buildings.roof_edges import NEIGHBOUR_CLEARANCE_M, OPEN_SURROUNDINGS
+from facade_core.geometry.buildings.roof_edges import OPEN_SURROUNDINGS
+from facade_core.geometry.buildings.settings import EAVES, NEIGHBOURS, ROOF_EDGES, NeighbourSettings
 from facade_core.geometry.ground.terrain import Terrain
-
-# Metres between outlines of buildings that touch.
-NEIGHBOUR_GAP_M = 0.3
-# A roof continues over neighbours of at least this share of its own wall height.
-MIN_HEIGHT_RATIO = 0.5
-# A neighbour that ends this far below the eaves does not obstruct them; metres.
-EAVES_TOLERANCE_M = 0.5
 
 
 def roof_continuation_footprints(
-    index: int, buildings: Sequence[Building], tree: shapely.STRtree
+    index: int, buildings: Sequence[Building], tree: shapely.STRtree, settings: NeighbourSettings = NEIGHBOURS
 ) -> list[Polygon | MultiPolygon]:
     """Return the adjoining footprints over which a building's roof continues; none for a part.
 
@@ -33,21 +26,26 @@ def roof_continuation_footprints(
     ----------
     index : row of the building.
     tree : footprints of all buildings.
+    settings : numbers of the step.
     """
     own = buildings[index]
     if own.roof is None or not own.roof.height > 0 or own.part_of is not None:
         return []
-    near = sorted(tree.query(own.footprint, predicate="dwithin", distance=NEIGHBOUR_GAP_M).tolist())
+    near = sorted(tree.query(own.footprint, predicate="dwithin", distance=settings.neighbour_gap_m).tolist())
     others = [buildings[i] for i in near if i != index]
     return [
         other.footprint
         for other in others
-        if other.height >= MIN_HEIGHT_RATIO * own.height and other.footprint.is_valid
+        if other.height >= settings.min_height_ratio * own.height and other.footprint.is_valid
     ]
 
 
 def neighbour_area_above_eaves(
-    index: int, buildings: Sequence[Building], tree: shapely.STRtree, terrain: Terrain
+    index: int,
+    buildings: Sequence[Building],
+    tree: shapely.STRtree,
+    terrain: Terrain,
+    settings: NeighbourSettings = NEIGHBOURS,
 ) -> BaseGeometry:
     """Return the area covered by neighbours that reach up to a building's eaves.
 
@@ -55,14 +53,17 @@ def neighbour_area_above_eaves(
     ----------
     index : row of the building.
     tree : footprints of all buildings.
+    settings : numbers of the step.
     """
     own = buildings[index]
     if own.shell is not None or not np.isfinite(own.height):
         return OPEN_SURROUNDINGS.neighbours
-    least = _base_height(own, terrain) + own.height - EAVES_TOLERANCE_M
+    least = _base_height(own, terrain) + own.height - settings.eaves_tolerance_m
     near = [
         i
-        for i in tree.query(own.footprint, predicate="dwithin", distance=OVERHANG_M + NEIGHBOUR_CLEARANCE_M)
+        for i in tree.query(
+            own.footprint, predicate="dwithin", distance=EAVES.overhang_m + ROOF_EDGES.neighbour_clearance_m
+        )
         if i != index
     ]
     high = [
@@ -73,7 +74,7 @@ def neighbour_area_above_eaves(
     # a part of the same building on the roof's edge counts as adjoining
     return shapely.union_all(
         [
-            one.footprint.buffer(NEIGHBOUR_CLEARANCE_M, join_style="mitre")
+            one.footprint.buffer(ROOF_EDGES.neighbour_clearance_m, join_style="mitre")
             if _is_same_building(own, one)
             else one.footprint
             for one in high
@@ -94,17 +95,20 @@ def _top_height(building: Building, terrain: Terrain) -> float:
     return _base_height(building, terrain) + building.height + (building.roof.height if building.roof else 0.0)
 
 
-def outline_without_party_walls(index: int, buildings: Sequence[Building], tree: shapely.STRtree) -> shapely.Geometry:
+def outline_without_party_walls(
+    index: int, buildings: Sequence[Building], tree: shapely.STRtree, settings: NeighbourSettings = NEIGHBOURS
+) -> shapely.Geometry:
     """Return the outline of a building without the part shared with neighbours; models often omit party walls.
 
     Parameters
     ----------
     index : row of the building.
     tree : footprints of all buildings.
+    settings : numbers of the step.
     """
     footprint = buildings[index].footprint
-    others = [i for i in tree.query(footprint, predicate="dwithin", distance=NEIGHBOUR_GAP_M) if i != index]
-    touched = shapely.union_all([buildings[i].footprint for i in others]).buffer(NEIGHBOUR_GAP_M)
+    others = [i for i in tree.query(footprint, predicate="dwithin", distance=settings.neighbour_gap_m) if i != index]
+    touched = shapely.union_all([buildings[i].footprint for i in others]).buffer(settings.neighbour_gap_m)
     return shapely.difference(footprint.boundary, touched)
 
 

@@ -12,21 +12,8 @@ from shapely.geometry.base import BaseGeometry
 
 from facade_core.core.arrays import Float64Array, Int64Array
 from facade_core.geometry.buildings.facets import Facets
+from facade_core.geometry.buildings.settings import ROOF_EDGES, RoofEdgeSettings
 from facade_core.geometry.charts import ChartKind
-
-# Metres; shorter pieces of edges are dropped.
-MIN_EDGE_M = 0.6
-# Metres between a roof's edge and a neighbour that obstructs it.
-NEIGHBOUR_CLEARANCE_M = 0.1
-# Metres by which a neighbour may overlap the end of an edge without obstructing it.
-MAX_TOUCH_M = 0.05
-# Metres from a street to the farthest edge in sight, and between sample points on streets.
-MAX_SIGHT_M = 60.0
-STREET_SAMPLING_M = 4.0
-# Nearest street points that are tested per edge.
-MAX_SIGHT_LINES = 8
-# Metres from the outline to an edge on it.
-OUTLINE_TOLERANCE_M = 5e-3
 
 
 class RoofEdge(NamedTuple):
@@ -81,10 +68,10 @@ class RoofSurroundings(NamedTuple):
         if not len(self.street_points):
             return True
         towards = self.street_points - place
-        ahead = (towards @ out > 1.0) & (np.hypot(*towards.T) < MAX_SIGHT_M)
-        near = towards[ahead][np.argsort(np.hypot(*towards[ahead].T), kind="stable")[:MAX_SIGHT_LINES]]
+        ahead = (towards @ out > 1.0) & (np.hypot(*towards.T) < ROOF_EDGES.max_sight_m)
+        near = towards[ahead][np.argsort(np.hypot(*towards[ahead].T), kind="stable")[: ROOF_EDGES.max_sight_lines]]
         sights = shapely.linestrings(
-            np.stack(np.broadcast_arrays(place + NEIGHBOUR_CLEARANCE_M * out, place + near), axis=1)
+            np.stack(np.broadcast_arrays(place + ROOF_EDGES.neighbour_clearance_m * out, place + near), axis=1)
         )
         sight, footprint = self.footprints.query(sights)
         blocked = shapely.intersects(self.footprints.geometries[footprint], sights[sight])
@@ -94,15 +81,17 @@ class RoofSurroundings(NamedTuple):
 OPEN_SURROUNDINGS = RoofSurroundings(shapely.GeometryCollection(), np.empty((0, 2)), shapely.STRtree([]))
 
 
-def sample_streets(lines: Sequence[shapely.LineString]) -> Float64Array:
+def sample_streets(lines: Sequence[shapely.LineString], settings: RoofEdgeSettings = ROOF_EDGES) -> Float64Array:
     """Return places (k, 2) along street centrelines."""
-    places = [shapely.line_interpolate_point(line, np.arange(0, line.length, STREET_SAMPLING_M)) for line in lines]
+    places = [
+        shapely.line_interpolate_point(line, np.arange(0, line.length, settings.street_sampling_m)) for line in lines
+    ]
     return shapely.get_coordinates(np.concatenate(places)) if places else np.empty((0, 2))
 
 
-def roof_edges(roof: Facets, outline: Polygon) -> list[RoofEdge]:
+def roof_edges(roof: Facets, outline: Polygon, settings: RoofEdgeSettings = ROOF_EDGES) -> list[RoofEdge]:
     """Return the outer edges of a roof's facets, with collinear sides joined."""
-    ends, facet = _outer_edges(roof, outline)
+    ends, facet = _outer_edges(roof, outline, settings)
     runs = _straight_runs(roof, ends, facet)
     begins = {int(ends[run[0], 0]): number for number, run in enumerate(runs)}
     closes = {int(ends[run[-1], 1]): number for number, run in enumerate(runs)}
@@ -116,7 +105,7 @@ def roof_edges(roof: Facets, outline: Polygon) -> list[RoofEdge]:
     return edges
 
 
-def _outer_edges(roof: Facets, outline: Polygon) -> tuple[Int64Array, Int64Array]:
+def _outer_edges(roof: Facets, outline: Polygon, settings: RoofEdgeSettings) -> tuple[Int64Array, Int64Array]:
     """Return the vertex pairs (e, 2) and facets (e,) of triangle sides on the outline that no other triangle shares."""
     upper = roof.kind[roof.facet] == ChartKind.ROOF
     triangles, facet = roof.triangles[upper], np.tile(roof.facet[upper], 3)
@@ -125,9 +114,9 @@ def _outer_edges(roof: Facets, outline: Polygon) -> tuple[Int64Array, Int64Array
     outer = ~np.isin(ends @ [count, 1], ends @ [1, count])
     ends, facet = ends[outer], facet[outer]
     places = roof.vertices[ends]
-    on = (shapely.distance(shapely.points(places.mean(axis=1)[:, :2]), outline.boundary) < OUTLINE_TOLERANCE_M) & (
-        np.hypot(*(places[:, 1] - places[:, 0])[:, :2].T) > OUTLINE_TOLERANCE_M
-    )
+    on = (
+        shapely.distance(shapely.points(places.mean(axis=1)[:, :2]), outline.boundary) < settings.outline_tolerance_m
+    ) & (np.hypot(*(places[:, 1] - places[:, 0])[:, :2].T) > settings.outline_tolerance_m)
     return ends[on], facet[on]
 
 
@@ -158,7 +147,9 @@ def _straight_runs(roof: Facets, ends: Int64Array, facet: Int64Array) -> list[li
     return runs
 
 
-def cut_free_roof_edges(edges: Sequence[RoofEdge], surroundings: RoofSurroundings) -> list[RoofEdge]:
+def cut_free_roof_edges(
+    edges: Sequence[RoofEdge], surroundings: RoofSurroundings, settings: RoofEdgeSettings = ROOF_EDGES
+) -> list[RoofEdge]:
     """Return the pieces of edges in sight without an adjoining neighbour."""
     found: list[RoofEdge] = []
     first: dict[int, int] = {}
@@ -168,7 +159,7 @@ def cut_free_roof_edges(edges: Sequence[RoofEdge], surroundings: RoofSurrounding
         sight_points = (edge.start + share * (edge.end - edge.start) for share in (0.5, 0.1, 0.9))
         if not any(surroundings.is_in_sight(place[:2], edge.outward) for place in sight_points):
             continue
-        reach = max(edge.width, 0.0) + NEIGHBOUR_CLEARANCE_M
+        reach = max(edge.width, 0.0) + settings.neighbour_clearance_m
         a, b, near, far = edge.start[:2], edge.end[:2], 0.02 * edge.outward, reach * edge.outward
         beside = shapely.intersection(Polygon([a + near, b + near, b + far, a + far]), surroundings.neighbours)
         free = [(0.0, length)]
@@ -176,7 +167,7 @@ def cut_free_roof_edges(edges: Sequence[RoofEdge], surroundings: RoofSurrounding
             if part.area > 1e-4:
                 steps = (shapely.get_coordinates(part) - a) @ edge.direction
                 low, high = float(steps.min()), float(steps.max())
-                if high > MAX_TOUCH_M and low < length - MAX_TOUCH_M:
+                if high > settings.max_touch_m and low < length - settings.max_touch_m:
                     free = [
                         piece
                         for left, right in free
@@ -184,7 +175,7 @@ def cut_free_roof_edges(edges: Sequence[RoofEdge], surroundings: RoofSurrounding
                         if piece[1] > piece[0]
                     ]
         for left, right in free:
-            if right - left < min(MIN_EDGE_M, length - MAX_TOUCH_M):
+            if right - left < min(settings.min_edge_m, length - settings.max_touch_m):
                 continue
             if left == 0:
                 first[number] = len(found)

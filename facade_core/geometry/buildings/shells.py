@@ -10,25 +10,14 @@ from shapely import MultiPolygon, Polygon
 
 from facade_core.core.arrays import Float64Array
 from facade_core.core.types import Building, BuildingShell
-from facade_core.geometry.buildings.facets import UNDERSIDE_M, Facets
-from facade_core.geometry.buildings.neighbours import NEIGHBOUR_GAP_M
+from facade_core.geometry.buildings.facets import Facets
+from facade_core.geometry.buildings.settings import FACETS, NEIGHBOURS, SHELLS, ShellSettings
 from facade_core.geometry.charts import ChartKind, SurfaceTarget, chart_axes_right_down
 from facade_core.geometry.cutting import MIN_WALL_PIECE_M, cut_triangles_on_grid
 from facade_core.geometry.ground.terrain import Terrain, source_ground_height
 
-# Metres; wider gaps between a building and the terrain are closed by a skirt.
-MIN_SKIRT_M = 0.05
-# Metres from the lowest point of a shell up to the lower edges of its walls.
-MAX_FOOT_M = 2.0
-# A shell is lifted to the ground if it is at least this deep below it, and this high above; metres.
-MIN_BURIED_M = 0.5
-MIN_VISIBLE_M = 2.5
-# A building that stands at most this high above its lowest ground is lowered to it; metres. Higher ones get a skirt: their
-# walls would be hidden by more than that on the other side.
-MAX_LOWERED_M = 1.0
 
-
-def lift_to_ground(shell: BuildingShell, lowest: float) -> BuildingShell:
+def lift_to_ground(shell: BuildingShell, lowest: float, settings: ShellSettings = SHELLS) -> BuildingShell:
     """Lift the part of a shell below the lowest ground around it to that height; closed shells stay closed.
 
     Some models extend down to height 0, metres below their stated ground, and floors would be counted from there.
@@ -37,16 +26,24 @@ def lift_to_ground(shell: BuildingShell, lowest: float) -> BuildingShell:
     Parameters
     ----------
     lowest : height in metres of the lowest ground.
+    settings : numbers of the step.
     """
     deep, height = shell.vertices[:, 2] < lowest, shell.vertices[:, 2] - lowest
-    if not len(height) or height.min() > -MIN_BURIED_M or height.max() < MIN_VISIBLE_M or (shell.texture >= 0).any():
+    if (
+        not len(height)
+        or height.min() > -settings.min_buried_m
+        or height.max() < settings.min_visible_m
+        or (shell.texture >= 0).any()
+    ):
         return shell
     vertices = shell.vertices.copy()
     vertices[deep, 2] = lowest
     return replace(shell, vertices=vertices)
 
 
-def lower_to_ground(building: Building, outline: Polygon | MultiPolygon, terrain: Terrain) -> Building:
+def lower_to_ground(
+    building: Building, outline: Polygon | MultiPolygon, terrain: Terrain, settings: ShellSettings = SHELLS
+) -> Building:
     """Lengthen the walls of a building that stands a little above its lowest ground down to it; the roof stays.
 
     Each wall then is one surface from the ground, with the layout of a whole wall. A strip below it would be bare. Raised
@@ -56,6 +53,7 @@ def lower_to_ground(building: Building, outline: Polygon | MultiPolygon, terrain
     ----------
     outline : footprint of the building.
     terrain : ground heights.
+    settings : numbers of the step.
     """
     shell = building.shell
     if building.raised or building.passages or (shell is not None and (shell.texture >= 0).any()):
@@ -64,12 +62,12 @@ def lower_to_ground(building: Building, outline: Polygon | MultiPolygon, terrain
     if foot is None:
         return building
     gap = foot - terrain.lowest_along(outline)
-    if not MIN_SKIRT_M < gap <= MAX_LOWERED_M:
+    if not settings.min_skirt_m < gap <= settings.max_lowered_m:
         return building
     if shell is None:
         return replace(building, base=foot - gap, height=building.height + gap)
     vertices = shell.vertices.copy()
-    vertices[vertices[:, 2] < foot + UNDERSIDE_M, 2] -= gap
+    vertices[vertices[:, 2] < foot + FACETS.underside_m, 2] -= gap
     return replace(building, shell=replace(shell, vertices=vertices))
 
 
@@ -113,7 +111,13 @@ def add_facet_charts(target: SurfaceTarget, facets: Facets, along: Float64Array 
     )  # fmt: skip
 
 
-def add_skirt_charts(target: SurfaceTarget, facets: Facets, outline: Polygon | MultiPolygon, terrain: Terrain) -> None:
+def add_skirt_charts(
+    target: SurfaceTarget,
+    facets: Facets,
+    outline: Polygon | MultiPolygon,
+    terrain: Terrain,
+    settings: ShellSettings = SHELLS,
+) -> None:
     """Add wall charts from the open lower edges of a shell down to the terrain, one surface per facet.
 
     Parameters
@@ -121,6 +125,7 @@ def add_skirt_charts(target: SurfaceTarget, facets: Facets, outline: Polygon | M
     target : place of the surfaces.
     outline : footprint of the building.
     terrain : ground heights.
+    settings : numbers of the step.
     """
     edges = np.concatenate([facets.triangles[:, [k, (k + 1) % 3]] for k in range(3)])
     key = np.sort(edges, axis=1) @ [len(facets.vertices), 1]
@@ -137,11 +142,11 @@ def add_skirt_charts(target: SurfaceTarget, facets: Facets, outline: Polygon | M
         (uses[of] == 1)
         & (np.abs(facets.normal[facet, 2]) < 0.5)
         & (right > 0.5 * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
-        & (ends[..., 2].max(axis=1) < facets.vertices[:, 2].min() + MAX_FOOT_M)
-        & (gap.max(axis=1) > MIN_SKIRT_M)
+        & (ends[..., 2].max(axis=1) < facets.vertices[:, 2].min() + settings.max_foot_m)
+        & (gap.max(axis=1) > settings.min_skirt_m)
         & (run > MIN_WALL_PIECE_M)
     )
-    foot &= shapely.distance(outline.boundary, shapely.points(ends.mean(axis=1)[:, :2])) < NEIGHBOUR_GAP_M
+    foot &= shapely.distance(outline.boundary, shapely.points(ends.mean(axis=1)[:, :2])) < NEIGHBOURS.neighbour_gap_m
     if not foot.any():
         return
     a, b = ends[foot, 0], ends[foot, 1]

@@ -20,19 +20,7 @@ from shapely import Polygon
 
 from facade_core.core.arrays import Float64Array, Int64Array, ObjectArray
 from facade_core.core.errors import GeometryError
-
-# Grid of ridges in metres.
-GRID_M = 0.01
-# Metres by which a point may be outside of a slab that it counts to.
-SLAB_TOLERANCE_M = 0.02
-# 1 + the cosine between the normals at a corner; below it the corner is a spike, whose motorcycle has no speed.
-MIN_CORNER_BEND = 0.02
-# Share of an edge's length beyond its ends within which a motorcycle that runs into a corner meets it.
-CORNER_TOLERANCE_SHARE = 1e-6
-# Points times edges whose depth is computed at once: 100 bytes each.
-MAX_DEPTH_CELLS = 1 << 20
-# Sine of the turn below which a corner is straight.
-MIN_CORNER_SINE = 1e-6
+from facade_core.geometry.buildings.settings import SKELETON, SkeletonSettings
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,7 +45,7 @@ class EdgeSlabs:
 
     def depth(self, points: Float64Array) -> Float64Array:
         """Return the depth (k,) in metres of points (k, 2) inside the outline; 0 outside."""
-        batch = max(1, MAX_DEPTH_CELLS // len(self.start))
+        batch = max(1, SKELETON.max_depth_cells // len(self.start))
         batches = [points[first : first + batch] for first in range(0, len(points), batch)]
         depth = np.concatenate([*map(self._slab_depth, batches), np.zeros(0)])
         inside = shapely.intersects_xy(self.outline.buffer(1e-6), points)
@@ -72,8 +60,8 @@ class EdgeSlabs:
         for stop, beyond, reach in sides:
             slope = stop[:, 1] / np.maximum(reach, 1e-12)
             low = np.where(beyond > 0, np.maximum(low, np.minimum(beyond, reach) * slope), low)
-            low[beyond > reach + SLAB_TOLERANCE_M] = np.inf
-        depth: Float64Array = np.where(y >= low - SLAB_TOLERANCE_M, y, np.inf).min(axis=1)
+            low[beyond > reach + SKELETON.slab_tolerance_m] = np.inf
+        depth: Float64Array = np.where(y >= low - SKELETON.slab_tolerance_m, y, np.inf).min(axis=1)
         return depth
 
     def faces(self, reach: float) -> ObjectArray:
@@ -133,7 +121,7 @@ def _cut_traces(stop: Float64Array, foot: Float64Array, reach: float) -> Float64
     return foot + share[:, None] * (stop - foot)
 
 
-def edge_slabs(outline: Polygon) -> EdgeSlabs:
+def edge_slabs(outline: Polygon, settings: SkeletonSettings = SKELETON) -> EdgeSlabs:
     """Compute the slabs of a valid outline, which may have holes.
 
     Raises
@@ -142,7 +130,7 @@ def edge_slabs(outline: Polygon) -> EdgeSlabs:
         Where a corner of the outline is a spike.
     """
     outline = shapely.orient_polygons(outline)
-    rings = [_true_corners(np.asarray(ring.coords)[:-1]) for ring in (outline.exterior, *outline.interiors)]
+    rings = [_true_corners(np.asarray(ring.coords)[:-1], settings) for ring in (outline.exterior, *outline.interiors)]
     outline = Polygon(rings[0], rings[1:])
     start = np.concatenate(rings)
     following = np.concatenate([np.roll(ring, -1, axis=0) for ring in rings])
@@ -154,10 +142,10 @@ def edge_slabs(outline: Polygon) -> EdgeSlabs:
     turn = along[previous, 0] * along[:, 1] - along[previous, 1] * along[:, 0]
     reflex = np.flatnonzero(turn < 0)
     bend = 1 + np.einsum("ij,ij->i", inward[previous], inward)
-    if (bend[reflex] < MIN_CORNER_BEND).any():
+    if (bend[reflex] < settings.min_corner_bend).any():
         raise GeometryError("an outline has a spike")
     speed = (inward[previous] + inward)[reflex] / bend[reflex, None]
-    stopped = _motorcycle_stops(start[reflex], speed, start, following, reflex, previous)
+    stopped = _motorcycle_stops(start[reflex], speed, start, following, reflex, previous, settings)
     before, after = np.zeros((len(start), 2)), np.column_stack([length, np.zeros(len(start))])
     trace = stopped[:, None] * speed
     for stops, edge in ((before, reflex), (after, previous[reflex])):
@@ -166,11 +154,11 @@ def edge_slabs(outline: Polygon) -> EdgeSlabs:
     return EdgeSlabs(outline, start, along, inward, length, before, after)
 
 
-def _true_corners(ring: Float64Array) -> Float64Array:
+def _true_corners(ring: Float64Array, settings: SkeletonSettings) -> Float64Array:
     """Return a ring without its straight corners."""
     back, ahead = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
     sine = back[:, 0] * ahead[:, 1] - back[:, 1] * ahead[:, 0]
-    kept: Float64Array = ring[np.abs(sine) > MIN_CORNER_SINE * np.hypot(*back.T) * np.hypot(*ahead.T)]
+    kept: Float64Array = ring[np.abs(sine) > settings.min_corner_sine * np.hypot(*back.T) * np.hypot(*ahead.T)]
     if len(kept) < 3:
         raise GeometryError("an outline has no corners")
     return kept
@@ -183,6 +171,7 @@ def _motorcycle_stops(
     end: Float64Array,
     reflex: Int64Array,
     previous: Int64Array,
+    settings: SkeletonSettings,
 ) -> Float64Array:
     """Return the time at which each motorcycle (m,) meets an edge, or the trace of an earlier one.
 
@@ -191,7 +180,9 @@ def _motorcycle_stops(
     until = np.full(len(corner), np.inf)
     for k in range(len(corner)):
         time, share = _intersect_lines(corner[k], speed[k], start, end - start)
-        wall = (time > 1e-9) & (share >= -CORNER_TOLERANCE_SHARE) & (share <= 1 + CORNER_TOLERANCE_SHARE)
+        wall = (
+            (time > 1e-9) & (share >= -settings.corner_tolerance_share) & (share <= 1 + settings.corner_tolerance_share)
+        )
         wall[[reflex[k], previous[reflex[k]]]] = False
         until[k] = time[wall].min(initial=np.inf)
     if not np.isfinite(until).all():

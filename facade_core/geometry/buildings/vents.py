@@ -11,35 +11,11 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from facade_core.core.arrays import Float64Array
-from facade_core.geometry.buildings.eaves import PARAPET_M
 from facade_core.geometry.buildings.facets import Facets
 from facade_core.geometry.buildings.roof_details import RoofDetail, RoofDetailBuilder
-from facade_core.geometry.buildings.roof_edges import (
-    MAX_SIGHT_M,
-    RoofEdge,
-    RoofSurroundings,
-    cut_free_roof_edges,
-    roof_edges,
-)
+from facade_core.geometry.buildings.roof_edges import RoofEdge, RoofSurroundings, cut_free_roof_edges, roof_edges
+from facade_core.geometry.buildings.settings import EAVES, ROOF_EDGES, VENTS, VentSettings
 from facade_core.geometry.charts import ChartKind
-
-# Share of roofs with vents.
-VENT_SHARE = 0.7
-# Vents per roof.
-MAX_VENTS = 4
-# Metres of edge per vent.
-SPACING_M = 7.0
-# Slopes (rise over run) of pitched roofs with vents.
-SLOPE_RANGE = (0.12, 1.2)
-# Metres from the ends of an edge, and from other details of the roof.
-END_DISTANCE_M = 0.8
-CLEARANCE_M = 0.25
-# Eye height over the ground in metres.
-EYE_HEIGHT_M = 1.6
-# Metres from the lowest roof around a vent down to its foot.
-BURIED_M = 0.04
-# A vent is in sight where its part above this share of its height is.
-VISIBLE_TOP = 0.8
 
 
 class VentShape(NamedTuple):
@@ -68,6 +44,7 @@ def build_vents(
     surroundings: RoofSurroundings,
     eaves_height: float,
     existing: list[RoofDetail | None],
+    settings: VentSettings = VENTS,
 ) -> RoofDetail | None:
     """Build the vents of a pitched roof; a vent has 10 triangles.
 
@@ -79,25 +56,35 @@ def build_vents(
     surroundings : surroundings of the roof's edges.
     eaves_height : metres from the ground to the eaves.
     existing : details that are on the roof already.
+    settings : numbers of the step.
 
     Returns
     -------
     None without vents.
     """
     edges = [edge for edge in roof_edges(roof, outline) if abs(edge.end[2] - edge.start[2]) < 0.02]
-    edges = cut_free_roof_edges([edge for edge in edges if SLOPE_RANGE[0] < edge.slope < SLOPE_RANGE[1]], surroundings)
+    edges = cut_free_roof_edges(
+        [edge for edge in edges if settings.slope_range[0] < edge.slope < settings.slope_range[1]], surroundings
+    )
     blocked = shapely.union_all(
-        [place.buffer(CLEARANCE_M) for trim in existing if trim for place in _facet_areas(trim.facets)]
+        [place.buffer(settings.clearance_m) for trim in existing if trim for place in _facet_areas(trim.facets)]
     )
     room = {}
     for facet in {edge.facet for edge in edges}:
         mine = roof.vertices[roof.triangles[roof.facet == facet]]
         room[facet] = shapely.union_all(shapely.polygons(mine[..., :2])).difference(blocked)
-    return _place_vents(id, edges, [room[edge.facet] for edge in edges], surroundings, eaves_height, COWL_SHAPE)
+    return _place_vents(
+        id, edges, [room[edge.facet] for edge in edges], surroundings, eaves_height, COWL_SHAPE, settings
+    )
 
 
 def build_flat_roof_vents(
-    id: str, outline: Polygon, top: float, surroundings: RoofSurroundings, eaves_height: float
+    id: str,
+    outline: Polygon,
+    top: float,
+    surroundings: RoofSurroundings,
+    eaves_height: float,
+    settings: VentSettings = VENTS,
 ) -> RoofDetail | None:
     """Build the vents of a flat roof with a parapet.
 
@@ -108,13 +95,14 @@ def build_flat_roof_vents(
     top : height of the roof in metres.
     surroundings : surroundings of the roof's edges.
     eaves_height : metres from the ground to the roof.
+    settings : numbers of the step.
     """
     ring = np.asarray(shapely.orient_polygons(outline).exterior.coords)
     corners = np.column_stack([ring, np.full(len(ring), top)])
     edges = cut_free_roof_edges(
         [RoofEdge(a, b, -1, 0.0, 0.0) for a, b in zip(corners[:-1], corners[1:], strict=True)], surroundings
     )
-    return _place_vents(id, edges, [outline] * len(edges), surroundings, eaves_height, BOX_SHAPE)
+    return _place_vents(id, edges, [outline] * len(edges), surroundings, eaves_height, BOX_SHAPE, settings)
 
 
 def _place_vents(
@@ -124,28 +112,31 @@ def _place_vents(
     surroundings: RoofSurroundings,
     eaves_height: float,
     size: VentShape,
+    settings: VentSettings,
 ) -> RoofDetail | None:
     """Place vents behind edges, within the free area `room` of each seen from above."""
     seed = blake2b(id.encode(errors="surrogatepass"), digest_size=8, person=b"vents").digest()
     rng = np.random.default_rng(int.from_bytes(seed))
-    if rng.random() > VENT_SHARE:
+    if rng.random() > settings.vent_share:
         return None
     faces, built = RoofDetailBuilder(), 0
     for edge, free in zip(edges, room, strict=True):
         length = float(np.hypot(*(edge.end - edge.start)[:2]))
-        for _ in range(int(length / SPACING_M)):
+        for _ in range(int(length / settings.spacing_m)):
             share, *drawn = rng.random(3)
             rise, behind = (low + part * (most - low) for part, (low, most) in zip(drawn, size[1:], strict=True))
             middle = (
                 edge.start[:2]
-                + (END_DISTANCE_M + share * (length - 2 * END_DISTANCE_M)) * edge.direction
+                + (settings.end_distance_m + share * (length - 2 * settings.end_distance_m)) * edge.direction
                 - behind * edge.outward
             )
-            if built == MAX_VENTS or not _is_in_sight(edge, middle, behind, rise, surroundings, eaves_height):
+            if built == settings.max_vents or not _is_in_sight(
+                edge, middle, behind, rise, surroundings, eaves_height, settings
+            ):
                 continue
             square = shapely.box(*(middle - size.half), *(middle + size.half)).buffer(size.half)
             if free.contains(square):
-                _add_vent(faces, edge, middle, behind, rise, size.half)
+                _add_vent(faces, edge, middle, behind, rise, size.half, settings)
                 free, built = free.difference(square.buffer(1.0)), built + 1
     return faces.build() if built else None
 
@@ -157,24 +148,31 @@ def _is_in_sight(
     rise: float,
     surroundings: RoofSurroundings,
     eaves_height: float,
+    settings: VentSettings,
 ) -> bool:
     """Return whether the top of a vent is seen over the roof's edge from a street in front."""
     if not len(surroundings.street_points):
         return True
     away = (surroundings.street_points - middle) @ edge.outward - behind
-    near = away[(away > 1.0) & (np.hypot(*(surroundings.street_points - middle).T) < MAX_SIGHT_M)]
-    lip = 0.0 if edge.slope else PARAPET_M
-    seen = behind * edge.slope + VISIBLE_TOP * rise - lip
-    return bool(((eaves_height + lip - EYE_HEIGHT_M) * behind < seen * near).any())
+    near = away[(away > 1.0) & (np.hypot(*(surroundings.street_points - middle).T) < ROOF_EDGES.max_sight_m)]
+    lip = 0.0 if edge.slope else EAVES.parapet_m
+    seen = behind * edge.slope + settings.visible_top * rise - lip
+    return bool(((eaves_height + lip - settings.eye_height_m) * behind < seen * near).any())
 
 
 def _add_vent(
-    faces: RoofDetailBuilder, edge: RoofEdge, middle: Float64Array, behind: float, rise: float, half: float
+    faces: RoofDetailBuilder,
+    edge: RoofEdge,
+    middle: Float64Array,
+    behind: float,
+    rise: float,
+    half: float,
+    settings: VentSettings,
 ) -> None:
     """Add a vent, with two adjacent sides per chart."""
     ahead, out = half * np.append(edge.direction, 0.0), half * np.append(edge.outward, 0.0)
     level = edge.start[2] + behind * edge.slope
-    foot = np.append(middle, level - half * edge.slope - BURIED_M)
+    foot = np.append(middle, level - half * edge.slope - settings.buried_m)
     top = np.append(middle, level + rise)
     turns = (out - ahead, out + ahead, ahead - out, -ahead - out)  # counter-clockwise from above
     for k in (0, 2):

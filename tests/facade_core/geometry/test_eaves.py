@@ -7,7 +7,7 @@ import shapely
 
 from facade_core.core.types import Building, Roof, Street
 from facade_core.geometry.block_surfaces import build_block_surfaces
-from facade_core.geometry.buildings.eaves import OVERHANG_M, PARAPET_M
+from facade_core.geometry.buildings.settings import EAVES
 from facade_core.geometry.charts import ChartKind, Charts, Mesh
 from facade_core.geometry.ground.terrain import build_terrain
 
@@ -30,7 +30,7 @@ def corners(charts: Charts, mesh: Mesh, building: int, *kinds: int) -> np.ndarra
 def test_eaves_stand_out_towards_the_street_only() -> None:
     charts, mesh = surfaces(HOUSE)
     roof = corners(charts, mesh, 0, ChartKind.ROOF)
-    assert np.isclose(roof[:, 1].min(), -OVERHANG_M)
+    assert np.isclose(roof[:, 1].min(), -EAVES.overhang_m)
     assert roof[:, 1].max() < 10 + 1e-6, "nobody sees the back"
     assert 8.5 < roof[:, 2].min() < 9.0, "the slope goes on"
     below = corners(charts, mesh, 0, ChartKind.CEILING)
@@ -71,7 +71,7 @@ def test_a_flat_roof_has_a_parapet_but_at_its_neighbour() -> None:
     flat = Building("a", shapely.box(0, 0, 20, 10), 9.0, "levels", roof=Roof("flat", 0.0))
     charts, mesh = surfaces(flat, Building("b", shapely.box(20, 0, 30, 10), 9.0, "levels", roof=Roof("flat", 0.0)))
     top = corners(charts, mesh, 0, ChartKind.ROOF, ChartKind.WALL)
-    assert np.isclose(top[:, 2].max(), 9 + PARAPET_M)
+    assert np.isclose(top[:, 2].max(), 9 + EAVES.parapet_m)
     assert shapely.box(0, 0, 20, 10).buffer(1e-6).covers(shapely.multipoints(top[:, :2]))
     upper = top[top[:, 2] > 9.1]
     assert set(np.unique(upper[:, 0]).tolist()) == {0.0, 20.0}

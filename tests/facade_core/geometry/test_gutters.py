@@ -10,7 +10,7 @@ import shapely
 
 from facade_core.core.types import SEMANTICS, Building, BuildingShell, Roof, Street
 from facade_core.geometry.block_surfaces import build_block_surfaces
-from facade_core.geometry.buildings.eaves import OVERHANG_M
+from facade_core.geometry.buildings.settings import EAVES
 from facade_core.geometry.charts import ChartKind, Charts, Mesh
 from facade_core.geometry.ground.terrain import build_terrain
 
@@ -44,7 +44,7 @@ def test_most_houses_have_gutters_over_the_street_and_pipes_to_the_ground() -> N
     for triangles in filter(len, found):
         corners = triangles.reshape(-1, 3)
         assert corners[:, 1].max() < 12.01, "nobody sees the back"
-        assert corners[:, 1].min() == pytest.approx(-OVERHANG_M - 0.11, abs=1e-6)
+        assert corners[:, 1].min() == pytest.approx(-EAVES.overhang_m - 0.11, abs=1e-6)
         assert corners[:, 2].min() == pytest.approx(0.0, abs=1e-9)
         assert corners[:, 2].max() < 9.01, "below the roof"
         low = corners[corners[:, 2] < 8]
@@ -62,7 +62,7 @@ def test_gutters_face_outwards_and_meet_at_a_corner() -> None:
     a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
     assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), charts.normals()[mesh.chart]) > 0).all()
     corners = metal(charts, mesh).reshape(-1, 3)
-    reach = OVERHANG_M + 0.11
+    reach = EAVES.overhang_m + 0.11
     assert np.hypot(*(corners[:, :2] + reach).T).min() < 1e-6, "one rim for both"
 
 

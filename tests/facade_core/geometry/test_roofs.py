@@ -9,7 +9,8 @@ import trimesh
 
 from facade_core.core.types import Building, Roof
 from facade_core.geometry.buildings.facets import extract_shell_facets
-from facade_core.geometry.buildings.roof_shapes import WELD_M, build_shell_with_roof
+from facade_core.geometry.buildings.roof_shapes import build_shell_with_roof
+from facade_core.geometry.buildings.settings import ROOF_SHAPES
 
 RECTANGLE = shapely.box(0, 0, 20, 10)
 FOOTPRINTS = {
@@ -130,4 +131,4 @@ def test_a_roof_meets_its_walls_at_the_corners_of_the_outline(shape: str) -> Non
         assert shell is not None
         corners = np.round(shapely.get_coordinates(outline)[:-1], 3)
         apart = np.linalg.norm(shell.vertices[:, None, :2] - corners[None], axis=2)
-        assert not ((apart > 1e-9) & (apart < WELD_M)).any()
+        assert not ((apart > 1e-9) & (apart < ROOF_SHAPES.weld_m)).any()
