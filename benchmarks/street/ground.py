@@ -15,7 +15,8 @@ from numba import njit
 
 from facade_core.core.types import GroundWay, MappedGround
 from facade_core.geometry.charts import ChartKind, Charts
-from facade_core.geometry.ground.shapes import GROUND_TILE_M, GroundTileArrays, GroundTiles
+from facade_core.geometry.ground.settings import SHAPES
+from facade_core.geometry.ground.shapes import GroundTileArrays, GroundTiles
 from facade_core.street.materials.grain import GrainTables
 from facade_core.street.materials.grain_file import load_shipped_grain_tables
 from facade_core.street.materials.ground_kernels import ground_colour
@@ -40,7 +41,7 @@ def measure(counts: tuple[int, ...] = (3, 100, 1000)) -> dict[str, Any]:
             GroundWay(str(i), line, "road", 9.0, made[i % 2], lanes=2, pavement=(4.0, 4.0), rank=i % 5)
             for i, line in enumerate(lines)
         )
-        places = np.array([[0.0, GROUND_TILE_M, 0.0], [-10_016.0, GROUND_TILE_M, 0.0]])
+        places = np.array([[0.0, SHAPES.ground_tile_m, 0.0], [-10_016.0, SHAPES.ground_tile_m, 0.0]])
         squares = GroundTiles(MappedGround(ways), _charts(places))
         start = time.thread_time()
         squares.build_arrays([0])
@@ -65,7 +66,9 @@ def _charts(places: np.ndarray) -> Charts:
     own = np.arange(count, dtype=np.int32)
     east, south = (np.tile(axis, (count, 1)) for axis in ([1.0, 0.0, 0.0], [0.0, -1.0, 0.0]))
     kind = np.full(count, ChartKind.GROUND, np.uint8)
-    return Charts(kind, own, np.full(count, -1, np.int32), places, east, south, np.full((count, 2), GROUND_TILE_M))
+    return Charts(
+        kind, own, np.full(count, -1, np.int32), places, east, south, np.full((count, 2), SHAPES.ground_tile_m)
+    )
 
 
 @njit(nogil=True)

@@ -36,19 +36,7 @@ from facade_core.geometry.charts import ChartBuilder, Charts, Mesh, SurfaceTarge
 from facade_core.geometry.ground.ground_charts import add_ground_charts
 from facade_core.geometry.ground.terrain import Terrain
 from facade_core.geometry.growth import grow_union
-
-# Footprint vertices nearer than this to the straight wall do not split it into two facades; metres.
-COLLINEAR_TOLERANCE_M = 0.2
-# Metres of ground around buildings.
-FORECOURT_M = 6.0
-# Half of the widest gap between buildings that ground fills; metres.
-COURTYARD_M = 22.0
-# Metres by which edges of a roof may be outside of the footprint.
-SIGHT_MARGIN_M = 5.0
-# Corners of a footprint above which an index of its edges costs less than their scan.
-MIN_PREPARED_CORNERS = 100
-# A shell with walls along a smaller share of its free outline is a canopy, and ground continues below it.
-MIN_WALLED_SHARE = 0.6
+from facade_core.geometry.settings import BLOCK_SURFACES, SurfaceSettings
 
 
 def build_block_surfaces(
@@ -60,11 +48,12 @@ def build_block_surfaces(
     largest: float,
     grid: float = 32.0,
     within: Polygon | None = None,
+    settings: SurfaceSettings = BLOCK_SURFACES,
 ) -> tuple[Charts, Mesh, tuple[tuple[str, str], ...]]:
     """Build the charts and the mesh of a block.
 
     Surfaces longer than `largest`, and all ground, are cut on the world grid, uneven ground finer; pieces keep the id
-    of their surface. Ground covers courtyards too. It ends straight where a street ends, and FORECOURT_M beyond
+    of their surface. Ground covers courtyards too. It ends straight where a street ends, and `forecourt_m` beyond
     `within`.
 
     Parameters
@@ -74,6 +63,7 @@ def build_block_surfaces(
     largest : metres; longer surfaces are cut.
     grid : step of the world grid in metres.
     within : outline of the block; None where unknown.
+    settings : numbers of the step.
 
     Returns
     -------
@@ -88,7 +78,7 @@ def build_block_surfaces(
     buildings = unify_building_part_bases(buildings, terrain)
     tree = shapely.STRtree([building.footprint for building in buildings])
     # sight lines are tested against an index of the edges
-    shapely.prepare(tree.geometries[shapely.get_num_coordinates(tree.geometries) > MIN_PREPARED_CORNERS])
+    shapely.prepare(tree.geometries[shapely.get_num_coordinates(tree.geometries) > settings.min_prepared_corners])
     eyes = sample_streets([street.line for street in streets])
     eye_tree = shapely.STRtree(shapely.points(eyes))
     for index, building in enumerate(buildings):
@@ -97,30 +87,35 @@ def build_block_surfaces(
             # of streets out of reach one is left, because without any every edge counts as in sight
             reached = np.sort(
                 eye_tree.query(
-                    building.footprint, predicate="dwithin", distance=ROOF_EDGES.max_sight_m + SIGHT_MARGIN_M
+                    building.footprint, predicate="dwithin", distance=ROOF_EDGES.max_sight_m + settings.sight_margin_m
                 )
             )
             in_reach = eyes[reached] if len(reached) else eyes[:1]
             obstacles = neighbour_area_above_eaves(index, buildings, tree, terrain)
             surroundings = RoofSurroundings(obstacles, in_reach, tree)
             target = SurfaceTarget(pieces, index, largest, grid)
-            outline, found = add_building_charts(target, building, terrain, adjoining, surroundings)
+            outline, found = add_building_charts(target, building, terrain, adjoining, surroundings, settings=settings)
         except GeometryError as error:
             refused.append((building.id, str(error)))
             continue
         if building.raised == 0 and (
             found is None
-            or line_share_with_walls(found, outline_without_party_walls(index, buildings, tree)) >= MIN_WALLED_SHARE
+            or line_share_with_walls(found, outline_without_party_walls(index, buildings, tree))
+            >= settings.min_walled_share
         ):
             outlines.append(outline)
     if streets:
         near = [street.line.buffer(ground_margin, cap_style="square", join_style="mitre") for street in streets]
         built = shapely.union_all(outlines)
         # closing the footprints covers courtyards and gaps far from streets
-        near_buildings = grow_union(built, outlines, COURTYARD_M).buffer(FORECOURT_M - COURTYARD_M)
+        near_buildings = grow_union(built, outlines, settings.courtyard_m).buffer(
+            settings.forecourt_m - settings.courtyard_m
+        )
         open_ground = shapely.union_all([*near, near_buildings]).difference(built)
         if within is not None:
-            end = shapely.union_all([within, shapely.union_all(outlines)]).buffer(FORECOURT_M, join_style="mitre")
+            end = shapely.union_all([within, shapely.union_all(outlines)]).buffer(
+                settings.forecourt_m, join_style="mitre"
+            )
             open_ground = open_ground.intersection(end)
         parts = sorted(shapely.get_parts(open_ground), key=lambda p: p.bounds)
         add_ground_charts(pieces, [p for p in parts if p.geom_type == "Polygon" and p.area > 0.01], terrain, grid)
@@ -136,6 +131,7 @@ def add_building_charts(
     terrain: Terrain,
     adjoining: Sequence[Polygon | MultiPolygon] = (),
     surroundings: RoofSurroundings = OPEN_SURROUNDINGS,
+    settings: SurfaceSettings = BLOCK_SURFACES,
 ) -> tuple[Polygon | MultiPolygon, Facets | None]:
     """Add the charts and triangles of one building to a chart builder.
 
@@ -144,6 +140,7 @@ def add_building_charts(
     target : place of the surfaces.
     adjoining : footprints that its roof continues over.
     surroundings : surroundings of its roof edges.
+    settings : numbers of the step.
 
     Returns
     -------
@@ -154,7 +151,7 @@ def add_building_charts(
     GeometryError
         Where the building has no usable surface.
     """
-    outline = _valid_outline(building)
+    outline = _valid_outline(building, settings)
     building = lower_to_ground(building, outline, terrain)
     if building.shell is not None:
         shell = lift_to_ground(building.shell, terrain.lowest_along(outline))
@@ -218,9 +215,9 @@ def _wall_foot(terrain: Terrain, base: float, raised: float, place: Float64Array
     return base + raised if raised else max(base, float(terrain.interpolate(place[None])[0]))
 
 
-def _valid_outline(building: Building) -> Polygon | MultiPolygon:
+def _valid_outline(building: Building, settings: SurfaceSettings) -> Polygon | MultiPolygon:
     """Return the simplified outline of a building; only a shell may have several parts."""
-    footprint = shapely.orient_polygons(building.footprint.simplify(COLLINEAR_TOLERANCE_M))
+    footprint = shapely.orient_polygons(building.footprint.simplify(settings.collinear_tolerance_m))
     kinds = ("Polygon",) if building.shell is None else ("Polygon", "MultiPolygon")
     if footprint.geom_type not in kinds or not footprint.area > 0:
         raise GeometryError("its footprint has no area; repair or drop it")

@@ -10,9 +10,8 @@ from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Ar
 from facade_core.core.errors import GeometryError
 from facade_core.core.numba_cache import njit
 from facade_core.geometry.charts import raster_sizes
+from facade_core.geometry.settings import PACKING, PackingSettings
 
-# Pages open for first fit: more would fill pages better, but scatter a building over the atlas.
-MAX_OPEN_PAGES = 4
 # Charts wider than half a chunk share chunks where they are at most chunk / THIN_DIVISOR texels high.
 THIN_DIVISOR = 4
 
@@ -79,6 +78,7 @@ def pack_charts(
     gutter: int,
     ids: UInt64Array | None = None,
     previous: PreviousChartPlacements | None = None,
+    settings: PackingSettings = PACKING,
 ) -> ChartPlacements:
     """Pack charts into square pages, first fit in their order over the last few pages.
 
@@ -96,6 +96,7 @@ def pack_charts(
     gutter : texels around each chart.
     ids : (n,) chart ids, needed with `previous`.
     previous : placement of an earlier ingest.
+    settings : numbers of the step.
 
     Raises
     ------
@@ -120,7 +121,7 @@ def pack_charts(
         place,
         cells,
         page // chunk,
-        MAX_OPEN_PAGES if previous is None else blocks + int(place[:, 0].max(initial=0)) + 1,
+        settings.max_open_pages if previous is None else blocks + int(place[:, 0].max(initial=0)) + 1,
     )
     return ChartPlacements(
         page=place[block, 0].astype(np.int32),

@@ -11,20 +11,10 @@ from facade_core.core.arrays import BoolArray, Float64Array, Int64Array, IntArra
 from facade_core.core.numba_cache import njit
 from facade_core.geometry.charts import Charts
 from facade_core.geometry.raycast import MISS, RayCaster
+from facade_core.geometry.settings import DAYLIGHT, DaylightSettings
 
-# Metres between the sample places of a chart, which include its border; light is linear between them.
-PLACE_SPACING_M = 2.0
-RAYS_PER_PLACE = 24
-# Metres; farther surfaces occlude no light.
-MAX_OCCLUDER_M = 20.0
-# Metres from a surface and its border to the start of rays: vertices are up to centimetres off their chart's plane.
-RAY_LIFT_M = 0.05
-# Metres by which rays start aside, as walls often coincide with whole metres.
-RAY_SHIFT_M = 0.013
 # Share of the light that is ambient.
 MIN_DAYLIGHT = 0.35
-# A place where a larger share of rays hits back faces is inside a building.
-MAX_BACK_FACE_SHARE = 0.5
 
 
 class ChartDaylight:
@@ -42,7 +32,7 @@ class ChartDaylight:
 
     def __init__(self, charts: Charts, caster: RayCaster) -> None:
         self._charts, self._caster = charts, caster
-        places = np.maximum(np.ceil(charts.size / PLACE_SPACING_M - 1e-6), 1).astype(np.int64) + 1
+        places = np.maximum(np.ceil(charts.size / DAYLIGHT.place_spacing_m - 1e-6), 1).astype(np.int64) + 1
         self.columns, self.rows = places[:, 0].copy(), places[:, 1].copy()
         self.start = np.full(len(charts), -1, np.int64)
         self.light = np.zeros(0, np.float32)
@@ -64,19 +54,23 @@ class ChartDaylight:
         row, column = np.divmod(np.arange(int(count.sum())) - np.repeat(first, count), self.columns[own])
         charts = self._charts
         share = np.column_stack([column / (self.columns[own] - 1), row / (self.rows[own] - 1)])
-        inset = np.minimum(RAY_LIFT_M, 0.5 * charts.size[own])
-        across, down = np.clip(share * charts.size[own] + RAY_SHIFT_M, inset, charts.size[own] - inset).T
+        inset = np.minimum(DAYLIGHT.ray_lift_m, 0.5 * charts.size[own])
+        across, down = np.clip(share * charts.size[own] + DAYLIGHT.ray_shift_m, inset, charts.size[own] - inset).T
         normal = charts.normals()
-        points = charts.points(own, across, down) + RAY_LIFT_M * normal[own]
+        points = charts.points(own, across, down) + DAYLIGHT.ray_lift_m * normal[own]
         frame = np.stack([charts.axis_u[own], charts.axis_v[own], normal[own]], axis=1)
         clear, behind = np.zeros(len(own)), np.zeros(len(own))
         for direction in hemisphere_directions():
             ray = np.einsum("i,nij->nj", direction, frame)
             depth, met = self._caster.cast(points, ray)
-            clear += np.minimum(depth, MAX_OCCLUDER_M) / MAX_OCCLUDER_M / RAYS_PER_PLACE
+            clear += np.minimum(depth, DAYLIGHT.max_occluder_m) / DAYLIGHT.max_occluder_m / DAYLIGHT.rays_per_place
             behind += (met != MISS) & (np.einsum("ij,ij->i", normal[met], ray) > 0)
         fill_daylight_inside_buildings(
-            clear, behind > MAX_BACK_FACE_SHARE * RAYS_PER_PLACE, first, self.rows[new], self.columns[new]
+            clear,
+            behind > DAYLIGHT.max_back_face_share * DAYLIGHT.rays_per_place,
+            first,
+            self.rows[new],
+            self.columns[new],
         )
         end = self._used + len(own)
         if end > len(self.light):  # doubled, so that adding charts one by one stays linear
@@ -127,9 +121,9 @@ def fill_daylight_inside_buildings(
             hidden = ring
 
 
-def hemisphere_directions() -> Float64Array:
-    """Return unit directions (RAYS_PER_PLACE, 3) about +z with cosine density: a spiral of equal steps."""
-    share = (np.arange(RAYS_PER_PLACE) + 0.5) / RAYS_PER_PLACE
-    turn = np.pi * (3 - np.sqrt(5)) * np.arange(RAYS_PER_PLACE)
+def hemisphere_directions(settings: DaylightSettings = DAYLIGHT) -> Float64Array:
+    """Return unit directions (`rays_per_place`, 3) about +z with cosine density: a spiral of equal steps."""
+    share = (np.arange(settings.rays_per_place) + 0.5) / settings.rays_per_place
+    turn = np.pi * (3 - np.sqrt(5)) * np.arange(settings.rays_per_place)
     radius = np.sqrt(share)
     return np.column_stack([radius * np.cos(turn), radius * np.sin(turn), np.sqrt(1 - share)])

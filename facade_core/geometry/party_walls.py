@@ -7,16 +7,10 @@ import numpy as np
 from facade_core.core.arrays import BoolArray, Float64Array
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.scene import Scene
-
-# Metres between probes of a wall; texels between four inside probes are inside.
-PROBE_SPACING_M = 0.5
-# Metres from the wall to a probe: neighbours may be that far apart.
-PROBE_DISTANCE_M = 0.3
-# Metres from the edges of a wall to a probe: a ray from an edge may pass between two surfaces.
-EDGE_INSET_M = 0.02
+from facade_core.geometry.settings import PARTY_WALLS, PartyWallSettings
 
 
-def find_enclosed_texels(scene: Scene, chart: int) -> BoolArray:
+def find_enclosed_texels(scene: Scene, chart: int, settings: PartyWallSettings = PARTY_WALLS) -> BoolArray:
     """Return the texels (h, w) of a wall that are inside a building; none for charts of other kinds.
 
     A probe is inside where a ray outwards and a ray upwards both hit a back face first.
@@ -25,13 +19,13 @@ def find_enclosed_texels(scene: Scene, chart: int) -> BoolArray:
     charts = scene.charts
     if charts.kind[chart] != ChartKind.WALL:
         return np.zeros((height, width), bool)
-    columns, rows = np.maximum(np.ceil(charts.size[chart] / PROBE_SPACING_M), 1).astype(int) + 1
+    columns, rows = np.maximum(np.ceil(charts.size[chart] / settings.probe_spacing_m), 1).astype(int) + 1
     across, down = (
-        np.linspace(EDGE_INSET_M, side - EDGE_INSET_M, n)
+        np.linspace(settings.edge_inset_m, side - settings.edge_inset_m, n)
         for side, n in zip(charts.size[chart], (columns, rows), strict=True)
     )
     normal = charts.normals()[chart]
-    points = charts.points(chart, across[None], down[:, None]).reshape(-1, 3) + PROBE_DISTANCE_M * normal
+    points = charts.points(chart, across[None], down[:, None]).reshape(-1, 3) + settings.probe_distance_m * normal
     inside = _hits_back_face(scene, points, normal)
     inside[inside] = _hits_back_face(scene, points[inside], np.array([0.0, 0.0, 1.0]))
     corner = inside.reshape(rows, columns)

@@ -12,9 +12,7 @@ from shapely import LineString, Polygon
 
 from facade_core.core.arrays import Float64Array, Int32Array, Int64Array
 from facade_core.core.grouping import RowsByValue
-
-# Metres; a shorter street has no viewpoint.
-MIN_STREET_M = 1.0
+from facade_core.geometry.settings import STREET_WAVES, StreetSettings
 
 ChunkId = TypeVar("ChunkId", bound=Hashable)
 
@@ -50,10 +48,11 @@ def place_viewpoints(
     obstacles: Sequence[Polygon] | shapely.STRtree = (),
     clearance: float = 0.3,
     ground: Callable[[Float64Array], Float64Array] = zero_ground_heights,
+    settings: StreetSettings = STREET_WAVES,
 ) -> tuple[Float64Array, Float64Array]:
     """Place viewpoints every `spacing` metres along a centreline.
 
-    The first is half a spacing from the start, so that two streets that meet share none. A street from MIN_STREET_M to
+    The first is half a spacing from the start, so that two streets that meet share none. A street from `min_street_m` to
     one spacing long has one in its middle. Viewpoints inside obstacles are dropped; a courtyard is outside.
 
     Parameters
@@ -63,13 +62,14 @@ def place_viewpoints(
     obstacles : polygons, or a tree of them for many streets.
     clearance : metres from a viewpoint to an obstacle.
     ground : maps points (n, 2) to ground heights (n,).
+    settings : numbers of the step.
 
     Returns
     -------
     (n, 3) positions in metres, and (n, 2) forward unit vectors.
     """
     if centreline.length <= spacing:
-        distance = np.array([centreline.length / 2] if centreline.length >= MIN_STREET_M else [])
+        distance = np.array([centreline.length / 2] if centreline.length >= settings.min_street_m else [])
     else:
         distance = np.arange(spacing / 2, centreline.length, spacing)
     if len(distance) == 0:

@@ -6,9 +6,8 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float64Array, Int64Array
 from facade_core.geometry.raycast import load_open3d
+from facade_core.geometry.settings import CROSSINGS
 
-# Metres; nearer hits do not count: a window may be in front of its wall.
-MIN_HIT_M = 0.02
 # Offsets of the three rays of a point, so that no ray hits an edge of an upright world exactly.
 RAY_TILTS = np.array([[0.0123, 0.0071, 0.0047], [-0.0087, 0.0131, 0.0059], [0.0031, -0.0149, 0.0083]])
 
@@ -50,7 +49,7 @@ class RayCrossingCounter:
             name: of.numpy() for name, of in self._scene.list_intersections(self._tensor(rays.reshape(-1, 6))).items()
         }
         ray = hit["ray_ids"].astype(np.int64)
-        counted = (self._facet[hit["primitive_ids"]] != own[ray % len(points)]) & (hit["t_hit"] > MIN_HIT_M)
+        counted = (self._facet[hit["primitive_ids"]] != own[ray % len(points)]) & (hit["t_hit"] > CROSSINGS.min_hit_m)
         crossed = np.bincount(ray[counted], minlength=rays[..., 0].size).reshape(len(RAY_TILTS), len(points))
         is_majority_odd: BoolArray = (crossed % 2).sum(axis=0) > len(RAY_TILTS) // 2
         return is_majority_odd

@@ -11,8 +11,8 @@ import shapely
 from facade_core.core.arrays import BoolArray
 from facade_core.core.types import Building, Street
 from facade_core.geometry.charts import Charts
+from facade_core.geometry.settings import TEXEL_DENSITY
 from facade_core.geometry.streets import Viewpoint
-from facade_core.geometry.texel_density import HALF_DENSITY_M
 from facade_core.plan.facades import Facades
 
 
@@ -78,7 +78,9 @@ def core_viewpoints(
     places = shapely.points(np.array([camera.position[:2] for camera in viewpoints]).reshape(-1, 2))
     near = np.zeros(len(viewpoints), bool)
     if len(viewpoints):
-        near[mine.query(places, predicate="dwithin", distance=max(visibility_range, HALF_DENSITY_M))[0]] = True
+        near[
+            mine.query(places, predicate="dwithin", distance=max(visibility_range, TEXEL_DENSITY.half_density_m))[0]
+        ] = True
     kept = [one for one, seen in zip(viewpoints, near, strict=True) if seen or streets[one.street].id in core.streets]
     return [replace(camera, id=number) for number, camera in enumerate(kept)]
 

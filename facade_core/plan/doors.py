@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from facade_core.geometry.charts import Charts
-from facade_core.geometry.walls import CORNER_TOLERANCE_M, LEVEL_TOLERANCE_M, WallRole
+from facade_core.geometry.settings import FACADE_WALLS
+from facade_core.geometry.walls import WallRole
 from facade_core.plan.facades import Facades
 
 # Left and right end of a wall's foot, as shares of its chart.
@@ -20,7 +21,11 @@ MIN_BACKS_FOR_TWO_DOORS = 5
 
 def is_corner_facade(charts: Charts, facades: Facades, facade: int) -> bool:
     """Return whether a facade is a narrow wall that cuts off the corner of two streets."""
-    if facades.role[facade] != WallRole.SIDE or facades.raised[facade] or abs(facades.foot[facade]) > LEVEL_TOLERANCE_M:
+    if (
+        facades.role[facade] != WallRole.SIDE
+        or facades.raised[facade]
+        or abs(facades.foot[facade]) > FACADE_WALLS.level_tolerance_m
+    ):
         return False
     own = facades.run_members(facade)
     others = facades.building_facades(facade)
@@ -33,7 +38,7 @@ def is_corner_facade(charts: Charts, facades: Facades, facade: int) -> bool:
     for one, place, end, way in ((own[0], ends[0, 0], 1, -1), (own[-1], ends[-1, 1], 0, 1)):
         turn = normals @ charts.normals()[facades.chart[one]]
         turned = (turn > CORNER_COSINES[0]) & (turn < CORNER_COSINES[1]) & (way * (normals[:, :2] @ along) > 0)
-        found.append(bool((turned & (np.hypot(*(foot[:, end] - place).T) < CORNER_TOLERANCE_M)).any()))
+        found.append(bool((turned & (np.hypot(*(foot[:, end] - place).T) < FACADE_WALLS.corner_tolerance_m)).any()))
     return all(found)
 
 
@@ -43,7 +48,9 @@ def has_back_door(facades: Facades, facade: int) -> bool:
         return False
     own = facades.building_facades(facade)
     backs = own[
-        (facades.role[own] == WallRole.BACK) & (np.abs(facades.foot[own]) < LEVEL_TOLERANCE_M) & ~facades.raised[own]
+        (facades.role[own] == WallRole.BACK)
+        & (np.abs(facades.foot[own]) < FACADE_WALLS.level_tolerance_m)
+        & ~facades.raised[own]
     ]
     runs = np.unique(facades.run[backs])
     wide = np.array(

@@ -11,12 +11,8 @@ from shapely.affinity import translate
 from facade_core.core.arrays import BoolArray, Int64Array
 from facade_core.facade.texture.wall_floors import FacadeWall
 from facade_core.geometry.scene import Scene
-from facade_core.geometry.walls import (
-    MAX_UNROLLED_FACET_M,
-    MIN_UNROLLED_COSINE,
-    WallRole,
-    wall_outline_and_free_part,
-)
+from facade_core.geometry.settings import FACADE_WALLS
+from facade_core.geometry.walls import WallRole, wall_outline_and_free_part
 from facade_core.plan.doors import has_back_door, is_corner_facade
 from facade_core.plan.facades import Facades
 
@@ -56,7 +52,7 @@ def facade_wall(scene: Scene, facades: Facades, facade: int, entrances: Sequence
 
 def _is_sharp(scene: Scene, facades: Facades, own: Int64Array) -> BoolArray:
     """Return the seams (k - 1,) between the facades (k,) of a run that no window may cross, as it would bend."""
-    narrow, normals = facades.width[own] < MAX_UNROLLED_FACET_M, scene.charts.normals()[facades.chart[own]]
-    slight = np.einsum("ij,ij->i", normals[:-1], normals[1:]) > MIN_UNROLLED_COSINE
+    narrow, normals = facades.width[own] < FACADE_WALLS.max_unrolled_facet_m, scene.charts.normals()[facades.chart[own]]
+    slight = np.einsum("ij,ij->i", normals[:-1], normals[1:]) > FACADE_WALLS.min_unrolled_cosine
     is_sharp: BoolArray = ~(narrow[:-1] & narrow[1:] & slight)
     return is_sharp

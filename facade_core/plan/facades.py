@@ -17,17 +17,9 @@ from facade_core.core.types import Building, Street
 from facade_core.geometry.charts import ChartKind, Charts
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
+from facade_core.geometry.settings import FACADE_WALLS
 from facade_core.geometry.streets import Viewpoint
-from facade_core.geometry.walls import (
-    CORNER_TOLERANCE_M,
-    FLOOR_HEIGHT_M,
-    LEVEL_TOLERANCE_M,
-    MAX_UNROLLED_FACET_M,
-    MIN_UNROLLED_FACET_M,
-    MIN_WALL_M,
-    WallRole,
-    group_walls_into_runs,
-)
+from facade_core.geometry.walls import WallRole, group_walls_into_runs
 
 # Smallest street facade in metres, and share of it that the street sees.
 MIN_FACADE_WIDTH_M = 3.0
@@ -168,7 +160,9 @@ def find_facades(
         width=width,
         height=height,
         floors=np.where(
-            np.abs(height - eaves) < LEVEL_TOLERANCE_M, storeys, np.maximum(1, np.round(height * storeys / eaves))
+            np.abs(height - eaves) < FACADE_WALLS.level_tolerance_m,
+            storeys,
+            np.maximum(1, np.round(height * storeys / eaves)),
         ).astype(np.int32),
         seen=best[chart],
         run=first[of].astype(np.int32),
@@ -230,8 +224,10 @@ def _is_large_wall(scene: Scene) -> BoolArray:
 def _is_tall_wall(charts: Charts) -> BoolArray:
     """Return the walls at least a floor high, narrow ones and the facets of round ones included, (charts,)."""
     tall, width = (charts.kind == ChartKind.WALL) & (charts.size[:, 1] >= MIN_FACADE_HEIGHT_M), charts.size[:, 0]
-    is_wide = width >= MIN_WALL_M
-    facets = np.flatnonzero(tall & (width >= MIN_UNROLLED_FACET_M) & (width < MAX_UNROLLED_FACET_M))
+    is_wide = width >= FACADE_WALLS.min_wall_m
+    facets = np.flatnonzero(
+        tall & (width >= FACADE_WALLS.min_unrolled_facet_m) & (width < FACADE_WALLS.max_unrolled_facet_m)
+    )
     for run in group_walls_into_runs(charts, facets) if not is_wide[facets].all() else ():
         is_wide[run] |= width[run].sum() >= MIN_FACADE_WIDTH_M
     is_tall_wall: BoolArray = tall & is_wide
@@ -256,7 +252,7 @@ def _foot_and_eaves(charts: Charts, chart: Int64Array) -> tuple[Float64Array, Fl
         base, end = (_prevailing_level(level[own], width[own]) for level in (foot, top))
         if end - base >= MIN_FACADE_HEIGHT_M:
             over[own], eaves[own] = foot[own] - base, end - base
-    return np.where(np.abs(over) < LEVEL_TOLERANCE_M, 0.0, over), eaves
+    return np.where(np.abs(over) < FACADE_WALLS.level_tolerance_m, 0.0, over), eaves
 
 
 def _begins_above_ground(scene: Scene, chart: Int64Array, foot: Float64Array) -> BoolArray:
@@ -280,7 +276,7 @@ def _has_modelled_roof(building: Building) -> bool:
 
 def _prevailing_level(level: Float64Array, width: Float64Array) -> float:
     """Return the level with most wall width within LEVEL_TOLERANCE_M."""
-    near = np.abs(level[:, None] - level) < LEVEL_TOLERANCE_M
+    near = np.abs(level[:, None] - level) < FACADE_WALLS.level_tolerance_m
     return float(level[np.argmax(near @ width)])
 
 
@@ -296,7 +292,7 @@ def _is_gable(scene: Scene, buildings: Sequence[Building]) -> BoolArray:
             corners = mesh.vertices[np.unique(mesh.triangles[mesh.chart_triangles(chart)])]
             upper = charts.points_at_shares(np.array([chart]), np.array([[0.0, 0.0], [1.0, 0.0]]))[0]
             apart = np.linalg.norm(corners[:, None] - upper, axis=-1).min(axis=0)
-            is_gable[chart] = bool((apart > CORNER_TOLERANCE_M).any())
+            is_gable[chart] = bool((apart > FACADE_WALLS.corner_tolerance_m).any())
     return is_gable
 
 
@@ -369,6 +365,8 @@ def count_facade_floors(levels: Sequence[int | None], height: Float64Array, floo
     """
     tagged = np.array([count or 0 for count in levels], np.int64)
     floors = np.where(tagged > 0, tagged, np.maximum(1, np.round(height / floor_height))).astype(np.int32)
-    low, high = (np.where(tagged > 0, *limits) for limits in zip(TAGGED_FLOOR_HEIGHT_M, FLOOR_HEIGHT_M, strict=True))
+    low, high = (
+        np.where(tagged > 0, *limits) for limits in zip(TAGGED_FLOOR_HEIGHT_M, FACADE_WALLS.floor_height_m, strict=True)
+    )
     most = np.maximum(1, np.floor(height / low))
     return np.clip(floors, np.minimum(np.ceil(height / high), most), most).astype(np.int32)

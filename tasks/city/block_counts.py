@@ -13,9 +13,8 @@ from catalogs.block.reader import Block
 from catalogs.features import safe_file_stem
 from facade_core.core.arrays import Float64Array, Int64Array, ObjectArray
 from facade_core.core.types import Street
-from facade_core.geometry.block_surfaces import COLLINEAR_TOLERANCE_M
-from facade_core.geometry.texel_density import FULL_DENSITY_M, HALF_DENSITY_M, MAX_PARTY_WALL_SHARE, min_texel_density
-from facade_core.geometry.walls import MAX_JOINT_M, MIN_WALL_M
+from facade_core.geometry.settings import BLOCK_SURFACES, FACADE_WALLS, TEXEL_DENSITY
+from facade_core.geometry.texel_density import min_texel_density
 from facade_core.plan.facades import MIN_FACADE_HEIGHT_M, MIN_FREE_SHARE
 from tasks.city.picture_counts import count_exemplars, photo_megapixels
 from tasks.stages.ingest.planning import count_planned_units
@@ -160,22 +159,26 @@ class MapCounts:
 
     def _count_walls(self) -> tuple[Float64Array, Float64Array]:
         """Count the free walls of each building, and the texels of all its walls."""
-        rings, owner = shapely.get_rings(shapely.simplify(self._footprints, COLLINEAR_TOLERANCE_M), return_index=True)
+        rings, owner = shapely.get_rings(
+            shapely.simplify(self._footprints, BLOCK_SURFACES.collinear_tolerance_m), return_index=True
+        )
         corners, ring = shapely.get_coordinates(rings, return_index=True)
         same = ring[:-1] == ring[1:]
         edges: ObjectArray = shapely.linestrings(np.stack([corners[:-1], corners[1:]], axis=1)[same])
         of, length = owner[ring[:-1][same]], shapely.length(edges)
-        edge, near = shapely.STRtree(self._footprints).query(edges, predicate="dwithin", distance=MAX_JOINT_M)
+        edge, near = shapely.STRtree(self._footprints).query(
+            edges, predicate="dwithin", distance=FACADE_WALLS.max_joint_m
+        )
         edge, near = edge[near != of[edge]], near[near != of[edge]]
         height = np.nan_to_num([building.height for building in self._block.buildings])
         # walls hide walls: a part of a building is not hidden by the outline that it stands in
-        walls = shapely.buffer(shapely.boundary(self._footprints), MAX_JOINT_M)
+        walls = shapely.buffer(shapely.boundary(self._footprints), FACADE_WALLS.max_joint_m)
         against = shapely.length(shapely.intersection(edges[edge], walls[near]))
         against *= np.minimum(height[near] / np.maximum(height[of[edge]], 1e-9), 1.0)
         free = 1 - np.minimum(np.bincount(edge, against, minlength=len(edges)) / np.maximum(length, 1e-9), 1.0)
-        density = np.where(free > MAX_PARTY_WALL_SHARE, self._texels_per_m2(edges), self._coarsest**2)
+        density = np.where(free > TEXEL_DENSITY.max_party_wall_share, self._texels_per_m2(edges), self._coarsest**2)
         count = len(self._footprints)
-        is_facade = (free >= MIN_FREE_SHARE) & (length >= MIN_WALL_M) & (height[of] >= MIN_FACADE_HEIGHT_M)
+        is_facade = (free >= MIN_FREE_SHARE) & (length >= FACADE_WALLS.min_wall_m) & (height[of] >= MIN_FACADE_HEIGHT_M)
         return (
             np.bincount(of, is_facade, minlength=count).astype(np.float64),
             np.bincount(of, length * height[of] * density, minlength=count).astype(np.float64),
@@ -228,8 +231,8 @@ class MapCounts:
         away = np.full(len(shapes), np.inf)
         if len(self._lines) and len(shapes):
             (shape, _), metres = self._lines_tree.query_nearest(
-                shapes, max_distance=HALF_DENSITY_M, return_distance=True, all_matches=False
+                shapes, max_distance=TEXEL_DENSITY.half_density_m, return_distance=True, all_matches=False
             )
             away[shape] = metres
-        halved = (away > FULL_DENSITY_M).astype(int) + (away > HALF_DENSITY_M)
+        halved = (away > TEXEL_DENSITY.full_density_m).astype(int) + (away > TEXEL_DENSITY.half_density_m)
         return np.maximum(self._texture.texels_per_metre / 2.0**halved, self._coarsest) ** 2

@@ -15,8 +15,9 @@ from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Building, Roof, Street
 from facade_core.facade.texture.building_walls import compose_wall
 from facade_core.facade.texture.retargeting import ExemplarAnalysis, analyse_exemplar
-from facade_core.facade.texture.wall_floors import FLOOR_HEIGHT_M, FacadeWall, stack_floors
+from facade_core.facade.texture.wall_floors import FacadeWall, stack_floors
 from facade_core.geometry.buildings.roof_shapes import build_shell_with_roof
+from facade_core.geometry.settings import FACADE_WALLS
 from facade_core.geometry.walls import WallRole, wall_outline_and_free_part
 from facade_core.plan.facade_walls import facade_wall
 from facade_core.plan.facades import Facades
@@ -246,8 +247,8 @@ def test_storeys_meet_round_the_corners_and_are_of_a_storeys_height(plan: Plan, 
         assert all(len(one) == len(lines[0]) for one in lines)
         np.testing.assert_allclose(lines, np.broadcast_to(lines[0], (len(lines), len(lines[0]))), atol=MPP)
         heights = np.diff(np.append(0, lines[0]))
-        assert FLOOR_HEIGHT_M[0] - 0.01 <= heights.min()
-        assert heights.max() <= FLOOR_HEIGHT_M[1] + 0.01
+        assert FACADE_WALLS.floor_height_m[0] - 0.01 <= heights.min()
+        assert heights.max() <= FACADE_WALLS.floor_height_m[1] + 0.01
 
 
 def wall_storeys(style: ExemplarAnalysis, wall: FacadeWall) -> list[float]:

@@ -11,7 +11,7 @@ from facade_core.core.grouping import group_rows
 from facade_core.export.bodies.settings import FOOTPRINT_SETTINGS, FootprintSettings
 from facade_core.export.models.textured_mesh import TexturedMesh
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.walls import MAX_FACING_COSINE
+from facade_core.geometry.settings import FACADE_WALLS
 
 
 def building_footprint(
@@ -60,7 +60,7 @@ def _passage_ceilings(
         below = below[shapely.distance(area, edges) < settings.max_ceiling_gap_m]
         middle, normal = charts.points_at_shares(below, np.array([[0.5, 0.0]]))[:, 0], charts.normals()[below]
         ahead = np.einsum("ijk,ik->ij", middle[None] - middle[:, None], normal)
-        if ((normal @ normal.T < MAX_FACING_COSINE) & (ahead > 0)).any():
+        if ((normal @ normal.T < FACADE_WALLS.max_facing_cosine) & (ahead > 0)).any():
             found.append(ceiling)
     return found
 

@@ -12,7 +12,7 @@ from shapely.geometry.base import BaseGeometry
 from facade_core.core.arrays import Float64Array
 from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.retargeting import ExemplarAnalysis, choose_exemplar_floors, lattice_rows
-from facade_core.geometry.walls import FLOOR_HEIGHT_M
+from facade_core.geometry.settings import FACADE_WALLS
 
 # Smallest height of a partial floor at a wall's foot or top, metres; lower rests join the neighbouring floor.
 MIN_FLOOR_M = 2.5
@@ -143,7 +143,7 @@ def stack_floors(
         heights = theirs if len(theirs) == len(own) else heights
     heights = _limit_heights(heights * (wall.eaves / heights.sum()))
     lines = np.concatenate([[0.0], np.cumsum(heights[::-1])])
-    pitch, top = float(np.clip(wall.eaves / len(own), *FLOOR_HEIGHT_M)), wall.foot + wall.height
+    pitch, top = float(np.clip(wall.eaves / len(own), *FACADE_WALLS.floor_height_m)), wall.foot + wall.height
     beyond = np.arange(1, 2 + int((abs(wall.foot) + top) / pitch)) * pitch
     every = np.concatenate([-beyond[::-1], lines, wall.eaves + beyond])
     inner = every[(every > wall.foot + MIN_FLOOR_M) & (every < top - MIN_CUT_FLOOR_M)]
@@ -206,14 +206,14 @@ def limit_floor_count(floors: int, height: float) -> int:
     floors : stated number.
     height : height of all of them, metres.
     """
-    least = math.ceil((height - MAX_GROUND_FLOOR_M) / FLOOR_HEIGHT_M[1] - 1e-6) + 1
-    most = math.floor(height / FLOOR_HEIGHT_M[0] + 1e-6)
+    least = math.ceil((height - MAX_GROUND_FLOOR_M) / FACADE_WALLS.floor_height_m[1] - 1e-6) + 1
+    most = math.floor(height / FACADE_WALLS.floor_height_m[0] + 1e-6)
     return max(1, min(max(floors, least), most))
 
 
 def _split_high_floors(borders: Float64Array, has_ground_floor: bool) -> Float64Array:
     """Split the floors between borders (n,) that are too high and have room for two."""
-    low, high = FLOOR_HEIGHT_M
+    low, high = FACADE_WALLS.floor_height_m
     most = np.full(len(borders) - 1, max(high, 2 * low))
     most[0] = MAX_GROUND_FLOOR_M if has_ground_floor else most[0]
     split = np.flatnonzero(np.diff(borders) > most + 1e-6)
@@ -240,7 +240,7 @@ def _limit_heights(heights: Float64Array) -> Float64Array:
     """
     mean = heights.mean()
     off = heights - mean
-    low, high = FLOOR_HEIGHT_M
+    low, high = FACADE_WALLS.floor_height_m
     if mean > high:
         return np.append(np.full(len(heights) - 1, high), heights.sum() - high * (len(heights) - 1))
     if mean < low or not off.any():

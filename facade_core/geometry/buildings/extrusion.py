@@ -25,9 +25,11 @@ from facade_core.geometry.buildings.passages import (
 from facade_core.geometry.buildings.settings import ROOF_SHAPES, SHELLS
 from facade_core.geometry.buildings.shells import add_facet_charts
 from facade_core.geometry.charts import ChartKind, SurfaceTarget
-from facade_core.geometry.cutting import MIN_WALL_PIECE_M, grid_crossings
-from facade_core.geometry.ground.ground_charts import GRID_DIVISORS, add_horizontal_surface, add_planar_chart
+from facade_core.geometry.cutting import grid_crossings
+from facade_core.geometry.ground.ground_charts import add_horizontal_surface, add_planar_chart
+from facade_core.geometry.ground.settings import GROUND_CHARTS
 from facade_core.geometry.ground.terrain import Terrain
+from facade_core.geometry.settings import CUTTING
 
 _DOWN = np.array([0.0, 0.0, -1.0])
 
@@ -91,7 +93,9 @@ def _add_skirt_walls(
 ) -> None:
     for a, b in edges:
         length = float(np.hypot(*(b - a)))
-        steps = grid_crossings(a, b, length, target.grid / GRID_DIVISORS[-1]) / max(length, MIN_WALL_PIECE_M)
+        steps = grid_crossings(a, b, length, target.grid / GROUND_CHARTS.grid_divisors[-1]) / max(
+            length, CUTTING.min_wall_piece_m
+        )
         foot = float(terrain.interpolate(a + steps[:, None] * (b - a)).min())
         if base - foot > SHELLS.min_skirt_m:
             _add_wall(target, a, b, foot, base)
@@ -129,7 +133,7 @@ def _add_wall(
     """
     grid = target.grid
     length, height = float(np.hypot(*(b - a))), high - low
-    if length < MIN_WALL_PIECE_M:
+    if length < CUTTING.min_wall_piece_m:
         return
     along = np.append((b - a) / length, 0.0)
     cuts = grid_crossings(a, b, length, grid) if length > target.largest else np.array([0.0, length])
@@ -190,7 +194,7 @@ def _add_opened_wall(
     """
     pieces = target.pieces
     for part in shapely.get_parts(shapely.orient_polygons(shape)).tolist():
-        if part.geom_type != "Polygon" or part.area < MIN_WALL_PIECE_M**2:
+        if part.geom_type != "Polygon" or part.area < CUTTING.min_wall_piece_m**2:
             continue
         ring: list[tuple[float, float]] = []
         for (x, y), (next_x, next_y) in pairwise(part.exterior.coords):

@@ -68,7 +68,7 @@ def extract_shell_facets(
     """Group the triangles of a shell into connected planar facets of one semantic and texture.
 
     The winding is the last resort. An upright facet has the footprint behind it. A facet inside the footprint, or a
-    level one, is decided by the number of surfaces on either side. Facets below MIN_FACET_M2 are dropped.
+    level one, is decided by the number of surfaces on either side. Facets below `min_facet_m2` are dropped.
 
     Parameters
     ----------

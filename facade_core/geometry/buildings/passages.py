@@ -14,7 +14,8 @@ from shapely import MultiPolygon, Polygon
 from facade_core.core.arrays import Float64Array
 from facade_core.core.types import MIN_PASSAGE_HEIGHT_M, MIN_WALL_OVER_PASSAGE_M, Building
 from facade_core.geometry.buildings.settings import PASSAGES, PassageSettings
-from facade_core.geometry.ground.terrain import OUTLINE_SAMPLING_M, Terrain
+from facade_core.geometry.ground.settings import TERRAIN
+from facade_core.geometry.ground.terrain import Terrain
 
 
 class PassageOpening(NamedTuple):
@@ -69,7 +70,7 @@ def passage_openings(
         area = shapely.intersection(passage.corridor, outline)
         if area.area < settings.min_area_m2:
             continue
-        border = shapely.get_coordinates(shapely.segmentize(area, OUTLINE_SAMPLING_M))
+        border = shapely.get_coordinates(shapely.segmentize(area, TERRAIN.outline_sampling_m))
         ground = max(base, float(terrain.interpolate(border).max()))
         ceiling = min(ground + passage.height, base + building.height - MIN_WALL_OVER_PASSAGE_M)
         ceiling = max(ceiling, base + building.raised) if building.raised else ceiling

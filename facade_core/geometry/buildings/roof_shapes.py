@@ -280,7 +280,7 @@ def _shell(
 
 
 def _weld_to_corners(points: Float64Array, corners: Float64Array, settings: RoofShapeSettings) -> Float64Array:
-    """Return points (n, 2), moved to a corner (k, 2) of the outline within WELD_M."""
+    """Return points (n, 2), moved to a corner (k, 2) of the outline within `weld_m`."""
     distance, nearest = KDTree(corners).query(points, distance_upper_bound=settings.weld_m)
     near = np.isfinite(distance)
     welded = points.copy()

@@ -13,8 +13,9 @@ from facade_core.core.types import Building, BuildingShell
 from facade_core.geometry.buildings.facets import Facets
 from facade_core.geometry.buildings.settings import FACETS, NEIGHBOURS, SHELLS, ShellSettings
 from facade_core.geometry.charts import ChartKind, SurfaceTarget, chart_axes_right_down
-from facade_core.geometry.cutting import MIN_WALL_PIECE_M, cut_triangles_on_grid
+from facade_core.geometry.cutting import cut_triangles_on_grid
 from facade_core.geometry.ground.terrain import Terrain, source_ground_height
+from facade_core.geometry.settings import CUTTING
 
 
 def lift_to_ground(shell: BuildingShell, lowest: float, settings: ShellSettings = SHELLS) -> BuildingShell:
@@ -144,7 +145,7 @@ def add_skirt_charts(
         & (right > 0.5 * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
         & (ends[..., 2].max(axis=1) < facets.vertices[:, 2].min() + settings.max_foot_m)
         & (gap.max(axis=1) > settings.min_skirt_m)
-        & (run > MIN_WALL_PIECE_M)
+        & (run > CUTTING.min_wall_piece_m)
     )
     foot &= shapely.distance(outline.boundary, shapely.points(ends.mean(axis=1)[:, :2])) < NEIGHBOURS.neighbour_gap_m
     if not foot.any():

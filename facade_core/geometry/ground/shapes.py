@@ -18,22 +18,17 @@ from facade_core.core.types import SURFACES, GroundArea, GroundWay, MappedGround
 from facade_core.geometry.charts import ChartKind, Charts
 from facade_core.geometry.ground.layers import ground_layers, join_carriageways
 from facade_core.geometry.ground.marks import ground_marks
+from facade_core.geometry.ground.settings import SHAPES, ShapeSettings
 
-# Side of a tile, equal to the grid on which ground is cut into charts; metres.
-GROUND_TILE_M = 32.0
-# Metres around a tile whose ways and areas are drawn with it.
-GROUND_TILE_MARGIN_M = 32.0
 # Side in metres of a lookup cell, which lists the shapes near it.
 LOOKUP_CELL_M = 1.0
 # Metres from a cell to the shapes that it lists; an edge is soft over twice that at most.
 EDGE_REACH_M = 0.8
-CELLS_PER_SIDE = round(GROUND_TILE_M / LOOKUP_CELL_M)
+CELLS_PER_SIDE = round(SHAPES.ground_tile_m / LOOKUP_CELL_M)
 # Greater than the number of layers.
 LAYER_KEY_STRIDE = 256
 # Version of the text by which a way enters digests; a new field of Way, or another order, raises it.
 WAY_FORMAT = 1
-# Tiles in memory.
-MAX_CACHED_TILES = 512
 
 
 class GroundTileArrays(NamedTuple):
@@ -112,7 +107,7 @@ class GroundTiles:
     def __init__(self, ground: MappedGround, charts: Charts) -> None:
         self._ground = ground
         middle = charts.points_at_shares(np.arange(len(charts)), np.array([[0.5, 0.5]]))[:, 0, :2]
-        self._chart_tile = np.floor(middle / GROUND_TILE_M).astype(np.int64)
+        self._chart_tile = np.floor(middle / SHAPES.ground_tile_m).astype(np.int64)
         self._is_ground = charts.kind == ChartKind.GROUND
         self._digests: dict[tuple[int, ...], bytes] = {}
         self._arrays: OrderedDict[tuple[int, int], tuple[AnyArray, ...]] = OrderedDict()
@@ -141,14 +136,14 @@ class GroundTiles:
     def _tile_arrays(self, tile_index: tuple[int, int]) -> tuple[AnyArray, ...]:
         if tile_index not in self._arrays:
             self._arrays[tile_index] = build_tile_arrays(self.cut_tile(tile_index))
-            if len(self._arrays) > MAX_CACHED_TILES:
+            if len(self._arrays) > SHAPES.max_cached_tiles:
                 self._arrays.popitem(last=False)
         return self._arrays[tile_index]
 
     def cut_tile(self, tile_index: tuple[int, ...]) -> GroundTileShapes:
         """Cut ways and areas to a tile, given by column and row."""
-        low = np.array(tile_index) * GROUND_TILE_M
-        around = (*(low - GROUND_TILE_MARGIN_M), *(low + GROUND_TILE_M + GROUND_TILE_MARGIN_M))
+        low = np.array(tile_index) * SHAPES.ground_tile_m
+        around = (*(low - SHAPES.ground_tile_margin_m), *(low + SHAPES.ground_tile_m + SHAPES.ground_tile_margin_m))
         box = shapely.box(*around)
         ways, areas = [], []
         for i in np.sort(self._trees[0].query(box)).tolist():
@@ -172,7 +167,10 @@ class GroundTiles:
 
 
 def _join_tiles(
-    tile_index: Int32Array, tiles: Sequence[tuple[int, ...]], parts: Sequence[tuple[AnyArray, ...]]
+    tile_index: Int32Array,
+    tiles: Sequence[tuple[int, ...]],
+    parts: Sequence[tuple[AnyArray, ...]],
+    settings: ShapeSettings = SHAPES,
 ) -> GroundTileArrays:
     if len(parts) == 1:
         layers, layer, inside, first, edges, frames, frame, marks, mark = parts[0]
@@ -188,7 +186,7 @@ def _join_tiles(
         columns = list(zip(*parts, strict=True)) or [(one,) for one in (*empty, *more)]
         layers, first, frames, marks = (_join_starts(columns[k]) for k in (0, 3, 5, 7))
         layer, inside, edges, frame, mark = (np.concatenate(columns[k]) for k in (1, 2, 4, 6, 8))
-    low = np.array(tiles, np.float64).reshape(-1, 2) * GROUND_TILE_M
+    low = np.array(tiles, np.float64).reshape(-1, 2) * settings.ground_tile_m
     return GroundTileArrays(tile_index, low, layers, layer, inside, first, edges, frames, frame, marks, mark)
 
 
@@ -199,7 +197,7 @@ def _join_starts(parts: Sequence[Int64Array]) -> Int64Array:
     )
 
 
-def build_tile_arrays(piece: GroundTileShapes) -> tuple[AnyArray, ...]:
+def build_tile_arrays(piece: GroundTileShapes, settings: ShapeSettings = SHAPES) -> tuple[AnyArray, ...]:
     """Build the columns of `GroundTileArrays` of one tile, from start_layer on."""
     roads = [way for way in piece.ways if way.kind == "road"]
     carriageway, junctions = join_carriageways(roads)
@@ -207,7 +205,7 @@ def build_tile_arrays(piece: GroundTileShapes) -> tuple[AnyArray, ...]:
     frames = _road_segments(roads)
     drawn = ground_marks(piece.ways, carriageway, junctions)
     low = np.array(piece.low)
-    return (*_list_layers(low, layers), *_list_roads(low, frames), *_list_marks(low, drawn))
+    return (*_list_layers(low, layers, settings), *_list_roads(low, frames, settings), *_list_marks(low, drawn))
 
 
 def _road_segments(roads: Sequence[GroundWay]) -> Float64Array:
@@ -236,10 +234,12 @@ def _cell_middles(low: Float64Array) -> Float64Array:
     return low + LOOKUP_CELL_M * (np.column_stack([column, row]) + 0.5)
 
 
-def _list_layers(low: Float64Array, layers: dict[int, shapely.Geometry]) -> tuple[AnyArray, ...]:
+def _list_layers(
+    low: Float64Array, layers: dict[int, shapely.Geometry], settings: ShapeSettings
+) -> tuple[AnyArray, ...]:
     middle = _cell_middles(low)
     points, count = shapely.points(middle), len(middle)
-    box = shapely.box(*(low - 3 * LOOKUP_CELL_M), *(low + GROUND_TILE_M + 3 * LOOKUP_CELL_M))
+    box = shapely.box(*(low - 3 * LOOKUP_CELL_M), *(low + settings.ground_tile_m + 3 * LOOKUP_CELL_M))
     reach = LOOKUP_CELL_M * np.sqrt(0.5) + EDGE_REACH_M
     covered = np.zeros(count, np.int64)  # topmost layer that covers the cell wholly
     found = []
@@ -274,14 +274,14 @@ def _list_layers(low: Float64Array, layers: dict[int, shapely.Geometry]) -> tupl
     return start, layer_of[by_cell], inside_of[by_cell], first, edges[by_entry]
 
 
-def _list_roads(low: Float64Array, frames: Float64Array) -> tuple[Int64Array, Float64Array]:
+def _list_roads(low: Float64Array, frames: Float64Array, settings: ShapeSettings) -> tuple[Int64Array, Float64Array]:
     """List per cell the road segments that may be nearest to a place in it, by distance less half width."""
     if not len(frames):
         return np.zeros(CELLS_PER_SIDE * CELLS_PER_SIDE + 1, np.int64), np.zeros((0, 9))
     middle = _cell_middles(low)
     away = _road_distances(middle, frames)
     near = (away <= away.min(axis=1, keepdims=True) + LOOKUP_CELL_M * np.sqrt(2.0)) & (
-        away < GROUND_TILE_MARGIN_M - LOOKUP_CELL_M
+        away < settings.ground_tile_margin_m - LOOKUP_CELL_M
     )
     near |= away < LOOKUP_CELL_M  # the carriageway may cover a place in the cell
     cell, frame = np.nonzero(near)

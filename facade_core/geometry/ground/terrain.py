@@ -11,23 +11,7 @@ from shapely import Polygon
 
 from facade_core.core.arrays import Float64Array
 from facade_core.core.types import Building, ElevationRaster
-
-# Raster from the buildings' bases: finest step in metres, greatest number of cells, margin around the buildings in
-# metres.
-MIN_RASTER_STEP_M = 2.0
-MAX_RASTER_CELLS = 1_000_000
-RASTER_MARGIN_M = 40.0
-# Grid step of the local origin in metres.
-LOCAL_ORIGIN_GRID_M = 1000.0
-# Sigma of the smoothing of the raster in metres.
-SMOOTH_M = 5.0
-# A base is an outlier when it is this far in metres, and this many median deviations, from the median of its
-# neighbours.
-OUTLIER_NEIGHBOURS = 8
-MIN_OUTLIER_M = 2.0
-MIN_OUTLIER_SPREADS = 4.0
-# Metres between samples of the ground along an outline.
-OUTLINE_SAMPLING_M = 2.0
+from facade_core.geometry.ground.settings import TERRAIN, TerrainSettings
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,7 +51,7 @@ class Terrain:
 
     def lowest_along(self, outline: Polygon) -> float:
         """Return the lowest ground along an outline in metres."""
-        return float(self.interpolate(shapely.get_coordinates(outline.segmentize(OUTLINE_SAMPLING_M))).min())
+        return float(self.interpolate(shapely.get_coordinates(outline.segmentize(TERRAIN.outline_sampling_m))).min())
 
 
 def source_ground_height(building: Building) -> float | None:
@@ -79,7 +63,9 @@ def source_ground_height(building: Building) -> float | None:
     return None
 
 
-def build_terrain(buildings: Sequence[Building], elevation: ElevationRaster | None) -> Terrain:
+def build_terrain(
+    buildings: Sequence[Building], elevation: ElevationRaster | None, settings: TerrainSettings = TERRAIN
+) -> Terrain:
     """Build the terrain of a block from a raster, else from the buildings' bases, else level at 0.
 
     Unknown cells take the nearest height. Outlier bases are replaced by the median of their neighbours. Equal bases
@@ -88,6 +74,7 @@ def build_terrain(buildings: Sequence[Building], elevation: ElevationRaster | No
     Parameters
     ----------
     elevation : raster of ground heights; ignored where all of it is unknown.
+    settings : numbers of the step.
     """
     if elevation is not None and np.isfinite(elevation.heights).any():
         return _terrain_from_raster(elevation)
@@ -99,7 +86,7 @@ def build_terrain(buildings: Sequence[Building], elevation: ElevationRaster | No
     heights = np.array([base for _, base in bases])
     if len(bases) == 0 or np.ptp(heights) == 0:
         return Terrain(0.0, 0.0, 1.0, np.full((1, 1), heights[0] if len(bases) else 0.0))
-    return _terrain_from_bases([building.footprint for building, _ in bases], heights)
+    return _terrain_from_bases([building.footprint for building, _ in bases], heights, settings)
 
 
 def _terrain_from_raster(elevation: ElevationRaster) -> Terrain:
@@ -116,19 +103,19 @@ def _terrain_from_raster(elevation: ElevationRaster) -> Terrain:
     return Terrain(elevation.x, south, elevation.step, heights[::-1])
 
 
-def _terrain_from_bases(outlines: Sequence[Polygon], bases: Float64Array) -> Terrain:
+def _terrain_from_bases(outlines: Sequence[Polygon], bases: Float64Array, settings: TerrainSettings) -> Terrain:
     """Triangulate the outlines' corners at their bases, rasterise and smooth."""
     from scipy.interpolate import LinearNDInterpolator
     from scipy.ndimage import gaussian_filter
     from scipy.spatial import cKDTree
 
     middles = shapely.get_coordinates(shapely.centroid(np.asarray(outlines, object)))
-    bases = _replace_outliers(middles, bases)
+    bases = _replace_outliers(middles, bases, settings)
     if np.ptp(bases) == 0:
         return Terrain(0.0, 0.0, 1.0, bases[:1, None])
     corners, owner = shapely.get_coordinates(np.asarray(outlines, object), return_index=True)
-    low, high = corners.min(axis=0) - RASTER_MARGIN_M, corners.max(axis=0) + RASTER_MARGIN_M
-    step = max(MIN_RASTER_STEP_M, float(np.sqrt(np.prod(high - low) / MAX_RASTER_CELLS)))
+    low, high = corners.min(axis=0) - settings.raster_margin_m, corners.max(axis=0) + settings.raster_margin_m
+    step = max(settings.min_raster_step_m, float(np.sqrt(np.prod(high - low) / settings.max_raster_cells)))
     # on a grid and rounded to millimetres, so that the ground does not move when the block changes elsewhere
     low = np.floor(low / step) * step
     columns, rows = np.ceil((high - low) / step).astype(int) + 1
@@ -142,23 +129,23 @@ def _terrain_from_bases(outlines: Sequence[Polygon], bases: Float64Array) -> Ter
         -1, 2
     )
     # relative to a near origin: the precision of the triangulation depends on the size of the coordinates
-    centre = np.round(points.mean(axis=0) / LOCAL_ORIGIN_GRID_M) * LOCAL_ORIGIN_GRID_M
+    centre = np.round(points.mean(axis=0) / settings.local_origin_grid_m) * settings.local_origin_grid_m
     raster = np.round(LinearNDInterpolator(points - centre, heights)(at - centre), 3)
     outside = ~np.isfinite(raster)
     raster[outside] = heights[cKDTree(points).query(at[outside])[1]]
-    smooth = gaussian_filter(raster.reshape(rows, columns), SMOOTH_M / step, mode="nearest")
+    smooth = gaussian_filter(raster.reshape(rows, columns), settings.smooth_m / step, mode="nearest")
     return Terrain(float(low[0]), float(low[1]), step, smooth)
 
 
-def _replace_outliers(middles: Float64Array, bases: Float64Array) -> Float64Array:
+def _replace_outliers(middles: Float64Array, bases: Float64Array, settings: TerrainSettings) -> Float64Array:
     """Replace outliers among bases (n,) by the median of their neighbours."""
     from scipy.spatial import cKDTree
 
     if len(bases) < 4:
         return bases
-    near = cKDTree(middles).query(middles, k=min(OUTLIER_NEIGHBOURS + 1, len(bases)))[1]
+    near = cKDTree(middles).query(middles, k=min(settings.outlier_neighbours + 1, len(bases)))[1]
     others = np.where(near == np.arange(len(bases))[:, None], np.nan, bases[near])
     median = np.nanmedian(others, axis=1)
     spread = np.nanmedian(np.abs(others - median[:, None]), axis=1)
-    wild = np.abs(bases - median) > MIN_OUTLIER_M + MIN_OUTLIER_SPREADS * spread
+    wild = np.abs(bases - median) > settings.min_outlier_m + settings.min_outlier_spreads * spread
     return np.where(wild, median, bases)

@@ -7,14 +7,9 @@ import numpy as np
 from facade_core.core.arrays import BoolArray, Float32Array, Float64Array
 from facade_core.core.types import Sun
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.daylight import (
-    MAX_BACK_FACE_SHARE,
-    RAY_LIFT_M,
-    RAY_SHIFT_M,
-    fill_daylight_inside_buildings,
-    hemisphere_directions,
-)
+from facade_core.geometry.daylight import fill_daylight_inside_buildings, hemisphere_directions
 from facade_core.geometry.scene import Scene
+from facade_core.geometry.settings import DAYLIGHT
 from facade_core.street.lighting.sun import MAX_SHADOW_REACH_M, SKY_LIGHT, SUN_LIGHT, sun_direction
 from facade_core.street.lighting.sun import RAY_LIFT_M as OFF_M
 
@@ -47,10 +42,10 @@ def ambient_light(scene: Scene, chart: int, sun: Sun) -> tuple[Float32Array, Flo
     charts, normals = scene.charts, scene.charts.normals()
     columns, rows = (np.maximum(np.ceil(charts.size[chart] / AMBIENT_CELL_M - 1e-6), 1).astype(int) + 1).tolist()
     width, height = charts.size[chart].tolist()
-    inset = np.minimum(RAY_LIFT_M, 0.5 * charts.size[chart])
-    across = np.clip(np.linspace(0, width, columns) + RAY_SHIFT_M, inset[0], width - inset[0])
-    down = np.clip(np.linspace(0, height, rows) + RAY_SHIFT_M, inset[1], height - inset[1])
-    points = charts.points(chart, across[None, :], down[:, None]).reshape(-1, 3) + RAY_LIFT_M * normals[chart]
+    inset = np.minimum(DAYLIGHT.ray_lift_m, 0.5 * charts.size[chart])
+    across = np.clip(np.linspace(0, width, columns) + DAYLIGHT.ray_shift_m, inset[0], width - inset[0])
+    down = np.clip(np.linspace(0, height, rows) + DAYLIGHT.ray_shift_m, inset[1], height - inset[1])
+    points = charts.points(chart, across[None, :], down[:, None]).reshape(-1, 3) + DAYLIGHT.ray_lift_m * normals[chart]
     frame = np.stack([charts.axis_u[chart], charts.axis_v[chart], normals[chart]])
     rays = hemisphere_directions() @ frame
     shape = (len(points), *rays.shape)
@@ -67,7 +62,7 @@ def ambient_light(scene: Scene, chart: int, sun: Sun) -> tuple[Float32Array, Flo
     cosine[is_lit] *= _is_sunlit(scene, origins[is_lit] + depth[is_lit][:, None] * rays[is_lit], normal[is_lit], sun)
     reflected = np.where(behind, 0.0, albedo * cosine)
     light = [np.where(behind, 0.0, sky).mean(axis=1), reflected.mean(axis=1)]
-    hidden = behind.mean(axis=1) > MAX_BACK_FACE_SHARE
+    hidden = behind.mean(axis=1) > DAYLIGHT.max_back_face_share
     grid = (np.zeros(1, np.int64), np.array([rows]), np.array([columns]))
     for share in light:
         fill_daylight_inside_buildings(share, hidden, *grid)

@@ -9,7 +9,7 @@ from pathlib import Path
 from catalogs.file_digest import file_digest
 from facade_core.atlas.journal import unit_key
 from facade_core.core.types import AS_FOUND
-from facade_core.geometry.walls import MAX_JOINT_M
+from facade_core.geometry.settings import FACADE_WALLS
 from facade_core.plan.doors import has_back_door, is_corner_facade
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
@@ -98,7 +98,10 @@ def facade_keys(
             chosen = [imagery.exemplar[1], exemplars.get(imagery.exemplar[0]), imagery.shops]
             chosen += ["stated"] if imagery.is_exemplar_stated else []
             parts |= {"exemplar": chosen, "walls": run.texture.walls}
-            parts["beside"] = [house, plan.scene_objects.digests_in_box(low - MAX_JOINT_M, high + MAX_JOINT_M)]
+            parts["beside"] = [
+                house,
+                plan.scene_objects.digests_in_box(low - FACADE_WALLS.max_joint_m, high + FACADE_WALLS.max_joint_m),
+            ]
         else:
             parts["walls"] = run.texture.walls
         keys.append(join_key_parts(stage_code_digest("facades"), **parts))

@@ -19,7 +19,7 @@ from facade_core.core.arrays import Int64Array
 from facade_core.core.name_hash import hash_name
 from facade_core.core.types import AS_FOUND, Pose, Street
 from facade_core.core.zarr_types import StoreGroup
-from facade_core.geometry.walls import LEVEL_TOLERANCE_M
+from facade_core.geometry.settings import FACADE_WALLS
 from facade_core.imagery.cameras.exposure import estimate_common_exposure
 from facade_core.plan.exemplar_choice import ExemplarTargetWalls, choose_exemplars
 from facade_core.plan.exemplar_inputs import target_walls_from_outlines
@@ -187,7 +187,7 @@ def facade_entrance_positions(plan: Plan, places: Sequence[tuple[float, float]])
     """Return the positions of mapped entrances along each facade's wall, metres."""
     facades = plan.facades
     found: dict[int, set[float]] = {}
-    low = np.flatnonzero((np.abs(facades.foot) < LEVEL_TOLERANCE_M) & ~facades.raised)
+    low = np.flatnonzero((np.abs(facades.foot) < FACADE_WALLS.level_tolerance_m) & ~facades.raised)
     if len(places) and len(low):
         walls = shapely.linestrings(plan.scene.charts.points_at_shares(facades.chart[low], _FOOT_CORNERS)[..., :2])
         points = shapely.points(np.array(places).reshape(-1, 2))

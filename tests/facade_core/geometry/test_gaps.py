@@ -14,7 +14,8 @@ from shapely import Polygon, box
 
 from facade_core.core.errors import GeometryError
 from facade_core.core.types import Street
-from facade_core.geometry.ground.street_gaps import MIN_CLEARANCE_M, MIN_SQUARE_M2, derive_streets
+from facade_core.geometry.ground.settings import GAPS
+from facade_core.geometry.ground.street_gaps import derive_streets
 
 TERRACES = [box(6 * i, y, 6 * i + 6, y + 10) for i in range(10) for y in (0, 22)]
 
@@ -25,7 +26,7 @@ def lines_of(footprints: Sequence[Polygon], **options: float) -> np.ndarray:
     lines = np.array([street.line for street in streets], dtype=object)
     assert all(street.name is None and street.line.is_simple for street in streets)
     if len(lines):
-        assert shapely.distance(shapely.union_all(footprints), shapely.union_all(lines)) >= MIN_CLEARANCE_M
+        assert shapely.distance(shapely.union_all(footprints), shapely.union_all(lines)) >= GAPS.min_clearance_m
     return lines
 
 
@@ -78,7 +79,7 @@ def test_yards_are_no_streets_but_what_a_gate_opens_is() -> None:
 
 
 def test_a_large_place_without_an_entrance_is_still_a_street() -> None:
-    side = np.sqrt(MIN_SQUARE_M2) + 10
+    side = np.sqrt(GAPS.min_square_m2) + 10
     walls = box(0, 0, side + 20, side + 20).difference(box(10, 10, side + 10, side + 10))
     assert any(box(10, 10, side + 10, side + 10).contains(line) for line in lines_of([walls]))
 
@@ -158,7 +159,7 @@ def test_real_terraces_have_streets_along_their_fronts(delfshaven: list[Polygon]
     built = shapely.union_all(delfshaven)
     assert len(delfshaven) > 700
     assert 10_000 < length < 16_000
-    assert built.distance(lines) >= MIN_CLEARANCE_M
+    assert built.distance(lines) >= GAPS.min_clearance_m
     # Whatever lies 8 m in front of a building, and not in a yard, has a street within 30 m.
     open_ground = built.buffer(8).difference(shapely.union_all([Polygon(p.exterior) for p in built.buffer(1.3).geoms]))
     assert open_ground.difference(lines.buffer(30)).area < 0.01 * open_ground.area

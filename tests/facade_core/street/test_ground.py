@@ -10,14 +10,9 @@ import shapely
 
 from facade_core.core.types import GroundArea, GroundWay, MappedGround
 from facade_core.geometry.charts import ChartKind, Charts
-from facade_core.geometry.ground.marks import (
-    EDGE_LINE_OFFSET_M,
-    LINE_HALF_WIDTH_M,
-    STOP_LINE_HALF_WIDTH_M,
-    GroundMarkKind,
-    ground_marks,
-)
-from facade_core.geometry.ground.shapes import GROUND_TILE_M, GroundTiles
+from facade_core.geometry.ground.marks import GroundMarkKind, ground_marks
+from facade_core.geometry.ground.settings import MARKS, SHAPES
+from facade_core.geometry.ground.shapes import GroundTiles
 from facade_core.street.materials.grain_file import load_shipped_grain_tables
 from facade_core.street.materials.ground_kernels import ground_colour
 from facade_core.street.materials.procedural import SURFACE_COLOURS, GroundSurface
@@ -34,9 +29,9 @@ def squares(ground: MappedGround, *places: tuple[int, int]) -> GroundTiles:
     """Ground charts that are whole squares of the world grid."""
     count = len(places)
     own = np.arange(count, dtype=np.int32)
-    origin = np.array([(x * GROUND_TILE_M, (y + 1) * GROUND_TILE_M, 0.0) for x, y in places])
+    origin = np.array([(x * SHAPES.ground_tile_m, (y + 1) * SHAPES.ground_tile_m, 0.0) for x, y in places])
     east, south = (np.tile(axis, (count, 1)) for axis in ([1.0, 0.0, 0.0], [0.0, -1.0, 0.0]))
-    size = np.full((count, 2), GROUND_TILE_M)
+    size = np.full((count, 2), SHAPES.ground_tile_m)
     return GroundTiles(
         ground, Charts(np.full(count, ChartKind.GROUND, np.uint8), own, own * 0 - 1, origin, east, south, size)
     )
@@ -137,8 +132,8 @@ def painted(
 
 def test_large_roads_and_those_without_a_pavement_have_lines_along_their_edges() -> None:
     def edges(way: GroundWay) -> list[int]:
-        away = way.width / 2 - EDGE_LINE_OFFSET_M
-        lines = [one for one in painted((way,), LINE_HALF_WIDTH_M) if abs(abs(one.centroid.y) - away) < 1e-6]
+        away = way.width / 2 - MARKS.edge_line_offset_m
+        lines = [one for one in painted((way,), MARKS.line_half_width_m) if abs(abs(one.centroid.y) - away) < 1e-6]
         return sorted(int(np.sign(one.centroid.y)) for one in lines)
 
     assert edges(LARGE) == [-1, 1]
@@ -150,22 +145,23 @@ def test_large_roads_and_those_without_a_pavement_have_lines_along_their_edges()
 
 def test_cars_stop_on_their_own_half_before_a_crossing_and_before_a_road_of_higher_rank() -> None:
     crossing = GroundWay("c", shapely.LineString([(60, -8), (60, 8)]), "crossing", 3.0, "asphalt")
-    lines = sorted(painted((LARGE, crossing), STOP_LINE_HALF_WIDTH_M), key=lambda line: line.centroid.x)
+    lines = sorted(painted((LARGE, crossing), MARKS.stop_line_half_width_m), key=lambda line: line.centroid.x)
     assert [round(line.centroid.x, 1) for line in lines] == [57.1, 62.9]
     assert [line.centroid.y < 0 for line in lines] == [True, False]  # who goes east keeps to the south
     assert all(4.5 < line.length < 6.5 for line in lines)
-    one_way = painted((replace(LARGE, oneway=True), crossing), STOP_LINE_HALF_WIDTH_M)
+    one_way = painted((replace(LARGE, oneway=True), crossing), MARKS.stop_line_half_width_m)
     assert [round(line.centroid.x, 1) for line in one_way] == [57.1]
     assert one_way[0].length > 11
-    assert painted((replace(LARGE, rank=3, lanes=0), crossing), STOP_LINE_HALF_WIDTH_M) == []
+    assert painted((replace(LARGE, rank=3, lanes=0), crossing), MARKS.stop_line_half_width_m) == []
     side = replace(LARGE, id="s", line=shapely.LineString([(30, -60), (30, 0)]), width=7.0, lanes=2, rank=4)
-    line = painted((LARGE, side), STOP_LINE_HALF_WIDTH_M)
+    line = painted((LARGE, side), MARKS.stop_line_half_width_m)
     assert [(round(one.centroid.y, 1), one.centroid.x > 30) for one in line] == [(-8.0, True)]
     beside = replace(side, lanes=0, rank=3)
     chosen = [
         len(
             painted(
-                (LARGE, replace(beside, line=shapely.affinity.translate(beside.line, 1.3 * i))), STOP_LINE_HALF_WIDTH_M
+                (LARGE, replace(beside, line=shapely.affinity.translate(beside.line, 1.3 * i))),
+                MARKS.stop_line_half_width_m,
             )
         )
         for i in range(40)

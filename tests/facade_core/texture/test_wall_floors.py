@@ -26,7 +26,7 @@ from facade_core.facade.texture.wall_floors import (
     shows_ground_floor,
     stack_floors,
 )
-from facade_core.geometry.walls import FLOOR_HEIGHT_M
+from facade_core.geometry.settings import FACADE_WALLS
 from facade_core.parsing.floor_structure import find_floors_and_bays
 
 MPP = 0.0625
@@ -54,7 +54,7 @@ def test_floors_are_within_limits_and_not_stretched(style: ExemplarAnalysis) -> 
     for eaves in (3.0, 5.0, 7.1, 9.2, 12.0, 16.4):
         for stated in (1, 3, 6):
             for foot, height in ((0.0, eaves), (1.9, eaves - 1.9), (0.0, eaves + 4.0), (0.0, 0.6 * eaves)):
-                if height < FLOOR_HEIGHT_M[0]:
+                if height < FACADE_WALLS.floor_height_m[0]:
                     continue
                 free = shapely.box(0, 0, 12, height)
                 wall = FacadeWall(12, height, foot, eaves, stated, on_street=True, is_back=False, free=free)
@@ -65,11 +65,15 @@ def test_floors_are_within_limits_and_not_stretched(style: ExemplarAnalysis) -> 
                     natural = scale * (pixel_rows[rows.stop] - pixel_rows[rows.start])
                     assert sum(one.heights) <= MAX_FLOOR_STRETCH * natural + 1e-6
                 for one in stack[1:-1]:
-                    assert FLOOR_HEIGHT_M[0] - 1e-6 <= sum(one.all_heights) <= FLOOR_HEIGHT_M[1] + 1e-6
+                    assert (
+                        FACADE_WALLS.floor_height_m[0] - 1e-6
+                        <= sum(one.all_heights)
+                        <= FACADE_WALLS.floor_height_m[1] + 1e-6
+                    )
                 for one in (stack[0], stack[-1]):  # they may join a rest that is too low for a floor
                     least = MIN_CUT_FLOOR_M if one is stack[0] else MIN_FLOOR_M
                     assert sum(one.all_heights) >= min(height, least) - 1e-6
-                    assert sum(one.all_heights) <= max(MAX_GROUND_FLOOR_M, 2 * FLOOR_HEIGHT_M[0]) + 1e-6
+                    assert sum(one.all_heights) <= max(MAX_GROUND_FLOOR_M, 2 * FACADE_WALLS.floor_height_m[0]) + 1e-6
                     assert not (one.plinth and shows_ground_floor(style, one)), "doors are at the foot"
 
 
