@@ -8,9 +8,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from facade_core.atlas.store import BRANCH, open_repository, open_root
-from facade_core.export.pictures.preview import PREVIEW_SIZE, draw_preview
+from facade_core.export.pictures.preview import draw_preview
 from facade_core.export.pictures.rendering import cast_view, encode_image
-from facade_core.export.pictures.views import SAMPLES_PER_PIXEL_SIDE, choose_preview_camera
+from facade_core.export.pictures.settings import VIEW_SETTINGS
+from facade_core.export.pictures.views import choose_preview_camera
 from tasks.engine.compute.connect import Compute
 from tasks.engine.context import load_run_plan
 from tasks.engine.outcome import error_reason
@@ -35,10 +36,10 @@ def draw_street_preview(run: Run, units: Sequence[Unit]) -> bytes | None:
     units : units of the facades, of which those in view are drawn.
     """
     plan, group = load_run_plan(run), open_root(open_repository(run.store).readonly_session(BRANCH))
-    camera, materials = choose_preview_camera(plan, PREVIEW_SIZE), rebuild_material_field(group, plan)
+    camera, materials = choose_preview_camera(plan, VIEW_SETTINGS.preview_size), rebuild_material_field(group, plan)
     if camera is None or materials is None:
         return None
-    picture = cast_view(plan.scene, camera, samples=SAMPLES_PER_PIXEL_SIDE)
+    picture = cast_view(plan.scene, camera, samples=VIEW_SETTINGS.samples_per_pixel_side)
     seen = set(picture.visible_charts.tolist())
     facades = {}
     for unit in units:

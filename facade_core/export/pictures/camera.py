@@ -8,32 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array
+from facade_core.export.pictures.settings import CAMERA_SETTINGS, CameraSettings
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
-
-# Free space around the block in the aerial picture, as a factor.
-AERIAL_MARGIN = 1.04
-# Width of the panoramas that rank viewpoints of a street, pixels.
-SEARCH_WIDTH_PX = 64
-# Nearer surfaces count less in proportion, metres.
-FULL_WORTH_DISTANCE_M = 30.0
-# A street that ends nearer counts less: a wall at its end fills the picture and shows little, metres.
-OPEN_STREET_M = 60.0
-# Height of a pedestrian's eyes, metres.
-EYE_HEIGHT_M = 1.7
-# Angle between the street and the camera, degrees.
-STREET_YAW_DEG = 40.0
-# Pitch of the street camera, degrees.
-STREET_PITCH_DEG = 7.0
-# Distance of the close-up camera from its facade, metres.
-CLOSE_UP_DISTANCE_M = 8.0
-# Sideways offset of the close-up camera, metres.
-CLOSE_UP_OFFSET_M = 6.0
-# Height that the close-up camera looks at, metres.
-CLOSE_UP_TARGET_M = 3.4
-# Facades that are tried for the close-up, because occluders may hide one.
-MAX_CLOSE_UPS_TRIED = 12
 
 
 @dataclass(frozen=True)
@@ -119,7 +97,9 @@ class PerspectiveCamera:
         return forward, right, np.cross(forward, right), float(focal)
 
 
-def aerial_camera(scene: Scene, size: tuple[int, int], worth: Float64Array | None = None) -> PerspectiveCamera:
+def aerial_camera(
+    scene: Scene, size: tuple[int, int], worth: Float64Array | None = None, settings: CameraSettings = CAMERA_SETTINGS
+) -> PerspectiveCamera:
     """Build an oblique aerial camera with all buildings in view.
 
     Parameters
@@ -127,6 +107,7 @@ def aerial_camera(scene: Scene, size: tuple[int, int], worth: Float64Array | Non
     scene : scene of the block.
     size : height and width, pixels.
     worth : (charts,) worth per area; the side with most of it is chosen, by default the south-west.
+    settings : numbers of cameras.
     """
     built = scene.charts.building[scene.mesh.vertex_chart] >= 0
     points = scene.mesh.vertices[built] if built.any() else scene.mesh.vertices
@@ -139,7 +120,7 @@ def aerial_camera(scene: Scene, size: tuple[int, int], worth: Float64Array | Non
     right /= np.linalg.norm(right)
     up = np.cross(away, right)
     field_of_view = 38.0
-    half_width = np.tan(np.radians(field_of_view) / 2) / AERIAL_MARGIN
+    half_width = np.tan(np.radians(field_of_view) / 2) / settings.aerial_margin
     half_height = half_width * size[0] / size[1]
     for _ in range(8):  # the nearer side spreads more, so the middle of the picture is found by steps
         relative = points - target
@@ -163,7 +144,11 @@ def _visible_worth(scene: Scene, side: Float64Array, worth: Float64Array) -> flo
 
 
 def street_camera(
-    scene: Scene, viewpoints: Sequence[Viewpoint], size: tuple[int, int], worth: Float64Array
+    scene: Scene,
+    viewpoints: Sequence[Viewpoint],
+    size: tuple[int, int],
+    worth: Float64Array,
+    settings: CameraSettings = CAMERA_SETTINGS,
 ) -> PerspectiveCamera:
     """Build the camera of a pedestrian who looks at one side of a street.
 
@@ -173,34 +158,41 @@ def street_camera(
     viewpoints : candidate positions.
     size : height and width, pixels.
     worth : (charts,) worth; the viewpoint and direction with most of it are chosen.
+    settings : numbers of cameras.
     """
     rows, columns = (
-        slice(SEARCH_WIDTH_PX // 8, SEARCH_WIDTH_PX // 4),
-        slice(SEARCH_WIDTH_PX * 3 // 8, SEARCH_WIDTH_PX * 5 // 8),
+        slice(settings.search_width_px // 8, settings.search_width_px // 4),
+        slice(settings.search_width_px * 3 // 8, settings.search_width_px * 5 // 8),
     )
     best, found = -1.0, (viewpoints[0], 0.0)
     for viewpoint in viewpoints:
-        _, depth, chart = scene.cast_panorama(viewpoint, SEARCH_WIDTH_PX)
-        value = np.where(chart >= 0, worth[chart] * np.clip(depth / FULL_WORTH_DISTANCE_M, 0.0, 1.0), 0.0)
+        _, depth, chart = scene.cast_panorama(viewpoint, settings.search_width_px)
+        value = np.where(chart >= 0, worth[chart] * np.clip(depth / settings.full_worth_distance_m, 0.0, 1.0), 0.0)
         for along in (0, 180):
-            middle = SEARCH_WIDTH_PX // 2 - round(along / 360 * SEARCH_WIDTH_PX)
-            end = depth[SEARCH_WIDTH_PX // 4 - 1, (middle - 1, middle)].min()
-            for turn in (along - STREET_YAW_DEG, along + STREET_YAW_DEG):
-                shown = np.roll(value, -round(turn / 360 * SEARCH_WIDTH_PX), axis=1)
-                if (score := float(shown[rows, columns].mean() * min(1.0, end / OPEN_STREET_M))) > best:
+            middle = settings.search_width_px // 2 - round(along / 360 * settings.search_width_px)
+            end = depth[settings.search_width_px // 4 - 1, (middle - 1, middle)].min()
+            for turn in (along - settings.street_yaw_deg, along + settings.street_yaw_deg):
+                shown = np.roll(value, -round(turn / 360 * settings.search_width_px), axis=1)
+                if (score := float(shown[rows, columns].mean() * min(1.0, end / settings.open_street_m))) > best:
                     best, found = score, (viewpoint, turn)
     viewpoint, turn = found
     heading = float(np.degrees(np.arctan2(*viewpoint.forward))) + turn
     return PerspectiveCamera.from_heading(
-        lower_to_eye_height(scene, viewpoint.position),
+        lower_to_eye_height(scene, viewpoint.position, settings),
         heading=heading,
-        pitch=STREET_PITCH_DEG,
+        pitch=settings.street_pitch_deg,
         field_of_view=75.0,
         size=size,
     )
 
 
-def close_up_camera(scene: Scene, facades: Int32Array, size: tuple[int, int], worth: Float64Array) -> PerspectiveCamera:
+def close_up_camera(
+    scene: Scene,
+    facades: Int32Array,
+    size: tuple[int, int],
+    worth: Float64Array,
+    settings: CameraSettings = CAMERA_SETTINGS,
+) -> PerspectiveCamera:
     """Build an oblique camera at the foot of the facade with the highest worth and no occluder.
 
     Parameters
@@ -209,21 +201,25 @@ def close_up_camera(scene: Scene, facades: Int32Array, size: tuple[int, int], wo
     facades : (n,) charts, at least one.
     size : height and width, pixels.
     worth : (charts,) worth per area.
+    settings : numbers of cameras.
     """
     charts = scene.charts
     order = facades[np.argsort(-worth[facades] * charts.size[facades].prod(axis=1), kind="stable")][
-        :MAX_CLOSE_UPS_TRIED
+        : settings.max_close_ups_tried
     ]
     found = None
     for chart in order.tolist():
         width, height = charts.size[chart]
         foot = charts.points(chart, np.array([width / 2]), np.array([height]))[0]
-        looked_at = foot + np.array([0.0, 0.0, min(CLOSE_UP_TARGET_M, height / 2)])
-        for aside in (CLOSE_UP_OFFSET_M, -CLOSE_UP_OFFSET_M):
+        looked_at = foot + np.array([0.0, 0.0, min(settings.close_up_target_m, height / 2)])
+        for aside in (settings.close_up_offset_m, -settings.close_up_offset_m):
             place = (
-                foot + CLOSE_UP_DISTANCE_M * charts.normals()[chart] + aside * charts.axis_u[chart] + [0.0, 0.0, 3.0]
+                foot
+                + settings.close_up_distance_m * charts.normals()[chart]
+                + aside * charts.axis_u[chart]
+                + [0.0, 0.0, 3.0]
             )
-            camera = PerspectiveCamera(lower_to_eye_height(scene, place), looked_at, 62.0, size)
+            camera = PerspectiveCamera(lower_to_eye_height(scene, place, settings), looked_at, 62.0, size)
             found = found or camera
             _, hit = scene.caster.cast(camera.position, (looked_at - camera.position)[None])
             if hit[0] == chart:
@@ -232,7 +228,7 @@ def close_up_camera(scene: Scene, facades: Int32Array, size: tuple[int, int], wo
     return found
 
 
-def lower_to_eye_height(scene: Scene, place: Float64Array) -> Float64Array:
-    """Lower a position (3,) to EYE_HEIGHT_M above the ground below; unchanged without ground."""
+def lower_to_eye_height(scene: Scene, place: Float64Array, settings: CameraSettings = CAMERA_SETTINGS) -> Float64Array:
+    """Lower a position (3,) to the height of a pedestrian's eyes above the ground below; unchanged without ground."""
     depth, chart = scene.caster.cast(place, np.array([[0.0, 0.0, -1.0]]))
-    return place if chart[0] == MISS else place - [0.0, 0.0, float(depth[0]) - EYE_HEIGHT_M]
+    return place if chart[0] == MISS else place - [0.0, 0.0, float(depth[0]) - settings.eye_height_m]

@@ -7,24 +7,18 @@ from collections.abc import Iterator, Sequence
 
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.resizing import resize_image
-
-# Columns and rows of a page, and the largest size of a picture in pixels.
-COLUMNS = 5
-ROWS = 6
-PICTURE_SIZE_PX = (230, 260)
-# Height of a line of text, lines below a picture, letters of a line, and space between pictures.
-LINE_PX = 13
-TEXT_LINES = 4
-LINE_LETTERS = 40
-GAP_PX = 10
+from facade_core.export.pictures.settings import CONTACT_SHEET_SETTINGS, ContactSheetSettings
 
 
-def draw_contact_sheets(entries: Sequence[tuple[UInt8Array, str]]) -> Iterator[UInt8Array]:
-    """Draw pictures with their texts, COLUMNS x ROWS on a page.
+def draw_contact_sheets(
+    entries: Sequence[tuple[UInt8Array, str]], settings: ContactSheetSettings = CONTACT_SHEET_SETTINGS
+) -> Iterator[UInt8Array]:
+    """Draw pictures with their texts, some rows on a page.
 
     Parameters
     ----------
     entries : pictures (h, w, 3) uint8, each with its text.
+    settings : sizes on a page.
 
     Returns
     -------
@@ -33,20 +27,24 @@ def draw_contact_sheets(entries: Sequence[tuple[UInt8Array, str]]) -> Iterator[U
     import numpy as np
     from PIL import Image, ImageDraw
 
-    cell_height = PICTURE_SIZE_PX[0] + TEXT_LINES * LINE_PX + GAP_PX
-    cell_width = PICTURE_SIZE_PX[1] + GAP_PX
-    for first in range(0, len(entries), COLUMNS * ROWS):
-        page_entries = entries[first : first + COLUMNS * ROWS]
-        rows = -(-len(page_entries) // COLUMNS)
-        page = Image.new("RGB", (COLUMNS * cell_width, rows * cell_height), "white")
+    cell_height = settings.picture_size_px[0] + settings.text_lines * settings.line_px + settings.gap_px
+    cell_width = settings.picture_size_px[1] + settings.gap_px
+    for first in range(0, len(entries), settings.columns * settings.rows):
+        page_entries = entries[first : first + settings.columns * settings.rows]
+        rows = -(-len(page_entries) // settings.columns)
+        page = Image.new("RGB", (settings.columns * cell_width, rows * cell_height), "white")
         pen = ImageDraw.Draw(page)
         for place, (picture, text) in enumerate(page_entries):
-            row, column = divmod(place, COLUMNS)
+            row, column = divmod(place, settings.columns)
             left, top = column * cell_width, row * cell_height
-            factor = min(1.0, PICTURE_SIZE_PX[0] / picture.shape[0], PICTURE_SIZE_PX[1] / picture.shape[1])
+            factor = min(
+                1.0, settings.picture_size_px[0] / picture.shape[0], settings.picture_size_px[1] / picture.shape[1]
+            )
             size = max(1, round(picture.shape[0] * factor)), max(1, round(picture.shape[1] * factor))
             page.paste(Image.fromarray(resize_image(picture, size)), (left, top))
-            lines = [part for line in text.splitlines() for part in textwrap.wrap(line, LINE_LETTERS)][:TEXT_LINES]
+            lines = [part for line in text.splitlines() for part in textwrap.wrap(line, settings.line_letters)][
+                : settings.text_lines
+            ]
             for number, line in enumerate(lines):
-                pen.text((left, top + size[0] + 2 + number * LINE_PX), line, fill="black")
+                pen.text((left, top + size[0] + 2 + number * settings.line_px), line, fill="black")
         yield np.asarray(page)

@@ -8,22 +8,25 @@ import numpy as np
 
 from facade_core.core.arrays import UInt8Array
 from facade_core.export.pictures.rendering import PictureInProgress, average_samples
-from facade_core.export.pictures.views import SAMPLES_PER_PIXEL_SIDE
+from facade_core.export.pictures.settings import VIEW_SETTINGS, ViewSettings
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.translator.translators import pixel_footprint
 
-# Height and width, pixels.
-PREVIEW_SIZE = (540, 960)
 
-
-def draw_preview(picture: PictureInProgress, materials: MaterialField, facades: Mapping[int, UInt8Array]) -> UInt8Array:
+def draw_preview(
+    picture: PictureInProgress,
+    materials: MaterialField,
+    facades: Mapping[int, UInt8Array],
+    settings: ViewSettings = VIEW_SETTINGS,
+) -> UInt8Array:
     """Draw the materials of all that a picture shows, and some facades over them, (h, w, 3) uint8.
 
     Parameters
     ----------
-    picture : cast view of SAMPLES_PER_PIXEL_SIDE.
+    picture : cast view of `samples_per_pixel_side`.
     materials : material field of the block.
     facades : raster (h, w, 3) by chart; it may be coarser than the atlas.
+    settings : numbers of views.
     """
     rays = picture.camera.rays().reshape(-1, 3)[picture.pixel] * picture.depth[:, None]
     focal = picture.camera.axes()[3]
@@ -31,4 +34,4 @@ def draw_preview(picture: PictureInProgress, materials: MaterialField, facades: 
     flat = picture.rgb.reshape(-1, 3)
     flat[picture.pixel] = materials.colour(picture.chart, picture.camera.position + rays, covered)
     picture.paint(facades)
-    return average_samples(picture.apply_haze(), SAMPLES_PER_PIXEL_SIDE)
+    return average_samples(picture.apply_haze(), settings.samples_per_pixel_side)

@@ -26,12 +26,8 @@ from facade_core.geometry.chart_packing import ChartPlacements
 
 # Name of the one stage that the report has of every facade.
 TEXTURE_STAGE = "result"
-# Levels of the hierarchy that the report draws.
-MAX_REPORT_LEVELS = 3
-# Seeds of the sampled variations in the report, in the order of their files.
+# Seeds of the sampled variations in the report, in the order of their files; the viewer shows the first.
 REPORT_SAMPLE_SEEDS = (1, 2, 0)
-# Seed of the sampled variation in the viewer.
-VIEWER_SAMPLE_SEED = 1
 
 
 class StageTitle(NamedTuple):
@@ -146,16 +142,31 @@ def iterate_stage_pictures(facade: StoredFacade) -> Iterator[StagePicture]:
         image = f"exemplars/{facade.exemplars.index(exemplar)}/image"
         yield StagePicture(lambda: np.asarray(facade.group[image]), StageTitle("source", "Exemplar it is made from"))
     if photo:
-        rectified = StageTitle("rectified", f"Photo, rectified{_crop_note(record)}")
-        evidence = partial(facade.read_raster, "facade_maps/evidence")
-        yield StagePicture(evidence, rectified, None if hidden else rectified)
+        yield from _photo_pictures(facade, record, hidden)
+    yield StagePicture(lambda: colourise(facade.read_raster("facade_maps/labels")), StageTitle("parse", "Parse"))
+    yield from _layout_pictures(facade, record, photo)
+    yield from _variation_pictures(facade, record.get("variation_levels") or 0)
+    if facade.read_raster("atlas/provenance").any():  # its surface is finished
+        yield StagePicture(
+            partial(facade.read_raster, "atlas/colour"), StageTitle("street", "In the street: final texture")
+        )
+
+
+def _photo_pictures(facade: StoredFacade, record: StoredFacadeRecord, hidden: bool) -> Iterator[StagePicture]:
+    """Yield the rectified photo, and what hides its wall."""
+    rectified = StageTitle("rectified", f"Photo, rectified{_crop_note(record)}")
+    evidence = partial(facade.read_raster, "facade_maps/evidence")
+    yield StagePicture(evidence, rectified, None if hidden else rectified)
     if hidden:
         yield StagePicture(
             lambda: overlay_occlusion(facade.read_raster("facade_maps/evidence"), facade.occlusion_mask),
             StageTitle("hidden", "What hides the wall"),
             StageTitle("hidden", f"Photo{_crop_note(record)}, hidden part tinted"),
         )
-    yield StagePicture(lambda: colourise(facade.read_raster("facade_maps/labels")), StageTitle("parse", "Parse"))
+
+
+def _layout_pictures(facade: StoredFacade, record: StoredFacadeRecord, photo: bool) -> Iterator[StagePicture]:
+    """Yield lattice, layout and texture."""
     lattice = Lattice(tuple(record["lattice"]["rows"]), tuple(record["lattice"]["columns"]))
     yield StagePicture(
         lambda: draw_parse(facade.read_raster("facade_maps/labels"), lattice),
@@ -171,11 +182,6 @@ def iterate_stage_pictures(facade: StoredFacade) -> Iterator[StagePicture]:
         StageTitle("texture", "Texture, inpainted" if photo else "Texture, retargeted from the exemplar"),
         StageTitle(TEXTURE_STAGE, "Texture"),
     )
-    yield from _variation_pictures(facade, record.get("variation_levels") or 0)
-    if facade.read_raster("atlas/provenance").any():  # its surface is finished
-        yield StagePicture(
-            partial(facade.read_raster, "atlas/colour"), StageTitle("street", "In the street: final texture")
-        )
 
 
 def _crop_note(record: StoredFacadeRecord) -> str:
@@ -198,15 +204,11 @@ def _variation_pictures(facade: StoredFacade, levels: int) -> Iterator[StagePict
     for seed in REPORT_SAMPLE_SEEDS if levels else ():
         yield StagePicture(
             partial(facade.draw_sample, seed),
-            StageTitle("sample", "Variation, a sample") if seed == VIEWER_SAMPLE_SEED else None,
+            StageTitle("sample", "Variation, a sample") if seed == REPORT_SAMPLE_SEEDS[0] else None,
             StageTitle(f"sample-{seed}" if seed else "sample", "Sampled variation"),
         )
 
 
-def select_report_levels(levels: int) -> list[int]:
+def select_report_levels(levels: int, most: int = 3) -> list[int]:
     """Select the levels of a hierarchy for the report: the first, the last, and evenly spaced ones between."""
-    return (
-        sorted({round(i * (levels - 1) / max(1, MAX_REPORT_LEVELS - 1)) for i in range(MAX_REPORT_LEVELS)})
-        if levels
-        else []
-    )
+    return sorted({round(i * (levels - 1) / max(1, most - 1)) for i in range(most)}) if levels else []

@@ -13,8 +13,8 @@ from facade_core.atlas.stored_files import PICTURES as FOLDER
 from facade_core.atlas.stored_files import delete_stored_files_except
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.export.pictures.camera import PerspectiveCamera
+from facade_core.export.pictures.settings import VIEW_SETTINGS
 from facade_core.export.pictures.views import (
-    SAMPLES_PER_PIXEL_SIDE,
     VIEW_SIZE,
     choose_cameras,
     photo_share,
@@ -107,7 +107,11 @@ def _relocate(change: ReingestContext, again: Mapping[int, int], records: Record
 
 def view_memory(page: int) -> int:
     """Return the memory of a view of the block, painted from pages of so many texels."""
-    return LIBRARY_BYTES + int(np.prod(VIEW_SIZE)) * SAMPLES_PER_PIXEL_SIDE**2 * VIEW_RAY + page * DECODED_PIXEL
+    return (
+        LIBRARY_BYTES
+        + int(np.prod(VIEW_SIZE)) * VIEW_SETTINGS.samples_per_pixel_side**2 * VIEW_RAY
+        + page * DECODED_PIXEL
+    )
 
 
 def facade_pictures_memory(texels: int) -> int:

@@ -27,8 +27,9 @@ from facade_core.core.errors import ImageError
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.export.pictures.camera import PerspectiveCamera
 from facade_core.export.pictures.rendering import cast_smooth_view, encode_image
+from facade_core.export.pictures.settings import VIEW_SETTINGS
 from facade_core.export.pictures.stage_pictures import TEXTURE_STAGE, StoredFacade, iterate_stage_pictures
-from facade_core.export.pictures.views import SAMPLES_PER_PIXEL_SIDE, paint_view
+from facade_core.export.pictures.views import paint_view
 from facade_core.export.tiles.block_tiles import plan_block_tiles
 from facade_core.export.tiles.tile_model import coarse_rasters
 from facade_core.plan.plan import Plan
@@ -83,7 +84,7 @@ def process_pictures(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[For
 def _draw_view(plan: Plan, group: StoreGroup, unit: Unit) -> tuple[bytes, ReportPictureRecord]:
     """Draw a view as JPEG from the pages that it shows, or from coarse rasters of tiles if these are too many."""
     _, camera = unit.arguments
-    picture = cast_smooth_view(plan.scene, camera, samples=SAMPLES_PER_PIXEL_SIDE)
+    picture = cast_smooth_view(plan.scene, camera, samples=VIEW_SETTINGS.samples_per_pixel_side)
     own = plan.in_core[picture.visible_charts]
     pages = np.unique(plan.scene.placement.page[picture.visible_charts[own]])
     parts = _read_page_rasters if len(pages) <= MAX_DECODED_PAGES else _read_coarse_rasters

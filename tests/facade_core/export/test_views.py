@@ -5,6 +5,7 @@ import numpy as np
 
 from facade_core.core.types import Sun
 from facade_core.export.pictures import views
+from facade_core.export.pictures.settings import VIEW_SETTINGS
 from facade_core.geometry.walls import WallRole
 
 
@@ -32,7 +33,7 @@ def test_what_the_sun_is_on_is_worth_more_than_what_is_in_its_own_shade() -> Non
     facades = SimpleNamespace(chart=np.array([0, 1]), role=np.full(2, WallRole.STREET))
     plan: Any = SimpleNamespace(facades=facades, scene=SimpleNamespace(charts=Charts()))
     assert views._chart_worth(plan, [None, None], None).tolist() == [1, 1, 0]
-    assert views._chart_worth(plan, [None, None], Sun(180.0, 40.0)).tolist() == [1, views.SHADED_WORTH, 0]
+    assert views._chart_worth(plan, [None, None], Sun(180.0, 40.0)).tolist() == [1, VIEW_SETTINGS.shaded_worth, 0]
     assert views._chart_worth(plan, [None, {"provenance": [0.0, 1.0]}], Sun(180.0, 40.0))[1] > 1, (
         "a photo in the shade still wins"
     )
