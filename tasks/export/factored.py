@@ -117,8 +117,9 @@ def write_factored_tiles(
     from facade_core.export.factored.wall_geometry import FAR_DETAIL, NEAR_DETAIL
     from facade_core.export.models.encoders import MIPMAP_FACTOR, texture_encoder
     from facade_core.export.models.textured_mesh import filter_triangles, mesh_y_up_frame
-    from facade_core.export.tiles.cells import COARSE_SCALE, build_quadtree
+    from facade_core.export.tiles.cells import build_quadtree
     from facade_core.export.tiles.far_shells import build_shells
+    from facade_core.export.tiles.settings import CELL_SETTINGS
     from facade_core.export.tiles.tileset import TiledModel, TileSettings, count_tiles, write_tileset
 
     start = time.monotonic()
@@ -135,7 +136,9 @@ def write_factored_tiles(
         build_feature_table(results),
     )
     shells = build_shells(
-        source, results.plan.scene.spec.texels_per_metre * COARSE_SCALE, lambda: report_progress("export", 1)
+        source,
+        results.plan.scene.spec.texels_per_metre * CELL_SETTINGS.coarse_scale,
+        lambda: report_progress("export", 1),
     )
     for name in ("tiles", "tilesets", "pictures"):
         (folder / name).mkdir()

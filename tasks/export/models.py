@@ -160,8 +160,9 @@ def write_3dtiles(
     from facade_core.export.models.encoders import MIPMAP_FACTOR, texture_encoder
     from facade_core.export.models.gltf_materials import material_texel_ratio
     from facade_core.export.models.textured_mesh import filter_triangles, mesh_y_up_frame
-    from facade_core.export.tiles.cells import COARSE_SCALE, build_quadtree
+    from facade_core.export.tiles.cells import build_quadtree
     from facade_core.export.tiles.far_shells import build_shells
+    from facade_core.export.tiles.settings import CELL_SETTINGS
     from facade_core.export.tiles.tileset import (
         TiledModel,
         TileSettings,
@@ -181,7 +182,7 @@ def write_3dtiles(
     cells = build_quadtree(source)
     time: TimeOfDay = "night" if night else "day"
     begin_stage("export", len(buildings) + count_tiles(cells))
-    shells = build_shells(source, density * COARSE_SCALE, lambda: report_progress("export", 1))
+    shells = build_shells(source, density * CELL_SETTINGS.coarse_scale, lambda: report_progress("export", 1))
     view_mb = encoded.max_view_mb if max_texture_mb is None else max_texture_mb
     scale = view_texture_scale(source, shells, cells, encoded, view_mb * 1e6, time)
     if scale < 1:

@@ -8,21 +8,9 @@ from dataclasses import dataclass
 
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import InputError
-from facade_core.export.models.pages import JPEG_QUALITY, encode_jpeg
+from facade_core.export.models.pages import encode_jpeg
+from facade_core.export.models.settings import ENCODER_SETTINGS, EncoderSettings
 
-# Quality of WebP, 0 to 100, chosen by eye.
-WEBP_QUALITY = 85
-# Quality of ETC1S, 0 to 100, chosen by eye.
-ETC1S_QUALITY = 90
-# Effort of the ETC1S encoder.
-ETC1S_EFFORT = 1
-# Quality of JPEG for data such as normals.
-JPEG_DATA_QUALITY = 80
-# CesiumJS caches 512 MiB of tiles with their contents, 3d-tiles-renderer 0.4 GiB. A view above that is evicted and
-# loaded again endlessly, and the tiles of the previous view need room too, MB.
-MAX_VIEW_MB = 300.0
-# Limit for KTX2, which is chosen for small graphics cards, MB.
-MAX_KTX2_VIEW_MB = 120.0
 # Memory of a texture with its mipmaps relative to the texture.
 MIPMAP_FACTOR = 4 / 3
 
@@ -64,24 +52,24 @@ def texture_encoder(name: str) -> TextureEncoder:
     return ENCODERS[name]
 
 
-def _webp(image: UInt8Array) -> bytes:
+def _webp(image: UInt8Array, settings: EncoderSettings = ENCODER_SETTINGS) -> bytes:
     from PIL import Image
 
     buffer = io.BytesIO()
-    Image.fromarray(image).save(buffer, "WEBP", quality=WEBP_QUALITY, method=4)
+    Image.fromarray(image).save(buffer, "WEBP", quality=settings.webp_quality, method=4)
     return buffer.getvalue()
 
 
-def _jpeg_data(image: UInt8Array) -> bytes:
+def _jpeg_data(image: UInt8Array, settings: EncoderSettings = ENCODER_SETTINGS) -> bytes:
     """Encode without chroma subsampling, so that normals keep the resolution of their directions."""
     from PIL import Image
 
     buffer = io.BytesIO()
-    Image.fromarray(image).save(buffer, "JPEG", quality=JPEG_DATA_QUALITY, subsampling=0)
+    Image.fromarray(image).save(buffer, "JPEG", quality=settings.jpeg_data_quality, subsampling=0)
     return buffer.getvalue()
 
 
-def _ktx2(image: UInt8Array, srgb: bool = True) -> bytes:
+def _ktx2(image: UInt8Array, srgb: bool = True, settings: EncoderSettings = ENCODER_SETTINGS) -> bytes:
     """Encode as ETC1S with mipmaps; the bytes do not depend on the number of threads."""
     import alktx2
     from PIL import Image
@@ -92,8 +80,8 @@ def _ktx2(image: UInt8Array, srgb: bool = True) -> bytes:
         buffer.getvalue(),
         mime="image/png",
         codec="etc1s",
-        quality=ETC1S_QUALITY,
-        effort=ETC1S_EFFORT,
+        quality=settings.etc1s_quality,
+        effort=settings.etc1s_effort,
         srgb=srgb,
         mipmaps=True,
         mip_wrap=False,
@@ -104,11 +92,14 @@ def _ktx2(image: UInt8Array, srgb: bool = True) -> bytes:
 
 # Graphics cards hold ETC1S as BC7, ETC2 or ASTC with at most a byte per texel, and the other formats as RGBA.
 ENCODERS = {
-    "jpeg": TextureEncoder(
-        "image/jpeg", None, 4.0, MAX_VIEW_MB, lambda image: encode_jpeg(image, JPEG_QUALITY), _jpeg_data
-    ),
-    "webp": TextureEncoder("image/webp", "EXT_texture_webp", 4.0, MAX_VIEW_MB, _webp, _webp),
+    "jpeg": TextureEncoder("image/jpeg", None, 4.0, ENCODER_SETTINGS.max_view_mb, encode_jpeg, _jpeg_data),
+    "webp": TextureEncoder("image/webp", "EXT_texture_webp", 4.0, ENCODER_SETTINGS.max_view_mb, _webp, _webp),
     "ktx2": TextureEncoder(
-        "image/ktx2", "KHR_texture_basisu", 1.0, MAX_KTX2_VIEW_MB, _ktx2, lambda image: _ktx2(image, srgb=False)
+        "image/ktx2",
+        "KHR_texture_basisu",
+        1.0,
+        ENCODER_SETTINGS.max_ktx2_view_mb,
+        _ktx2,
+        lambda image: _ktx2(image, srgb=False),
     ),
 }

@@ -57,16 +57,20 @@ class MetadataProperty:
         if all(value is None for value in found):
             return None
         if self.type == "string":
-            texts = [(NO_TEXT if value is None else str(value)).encode() for value in found]
-            offsets = np.concatenate([[0], np.cumsum([len(text) for text in texts])]).astype("<u4")
-            return {
-                # a view must not be empty
-                "values": add_view(b"".join(texts) or b"\0"),
-                "stringOffsets": add_view(offsets.tobytes()),
-                "stringOffsetType": "UINT32",
-            }
+            return _text_property([NO_TEXT if value is None else str(value) for value in found], add_view)
         none, kind = (NO_INTEGER, "<i4") if self.type == "int32" else (NO_NUMBER, "<f8")
         return {"values": add_view(np.array([none if value is None else value for value in found], kind).tobytes())}
+
+
+def _text_property(values: Sequence[str], add_view: AddView) -> dict[str, object]:
+    texts = [value.encode() for value in values]
+    offsets = np.concatenate([[0], np.cumsum([len(text) for text in texts])]).astype("<u4")
+    return {
+        # a view must not be empty
+        "values": add_view(b"".join(texts) or b"\0"),
+        "stringOffsets": add_view(offsets.tobytes()),
+        "stringOffsetType": "UINT32",
+    }
 
 
 @dataclass(frozen=True)

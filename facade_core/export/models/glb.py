@@ -7,11 +7,12 @@ import json
 import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import BinaryIO
 
 import numpy as np
 
-from facade_core.core.arrays import Float32Array, Float64Array, Int64Array
+from facade_core.core.arrays import Float32Array, Float64Array, Int64Array, NumericArray
 from facade_core.core.json_types import JsonObject
 from facade_core.export.models.buffers import (
     ARRAY_BUFFER,
@@ -22,7 +23,7 @@ from facade_core.export.models.buffers import (
     UNSIGNED_SHORT,
     GlbBuffer,
 )
-from facade_core.export.models.gltf_materials import MaterialTextures, TimeOfDay, build_gltf_materials
+from facade_core.export.models.gltf_materials import GltfMaterials, MaterialTextures, TimeOfDay, build_gltf_materials
 
 # NumPy dtypes of component types.
 COMPONENT_DTYPES = {BYTE: "i1", 5121: "u1", 5122: "<i2", UNSIGNED_SHORT: "<u2", UNSIGNED_INT: "<u4", FLOAT: "<f4"}
@@ -101,44 +102,75 @@ def encode_glb(
     copyright : attribution in the asset.
     time : time of day shown by emissive materials.
     """
-    gltf = build_gltf_materials(
-        [one if isinstance(one, MaterialTextures) else MaterialTextures(one) for one in materials], time=time
-    )
+    pages = [one if isinstance(one, MaterialTextures) else MaterialTextures(one) for one in materials]
+    gltf = build_gltf_materials(pages, time=time)
     nodes = [node for node in nodes if node.primitives]
-    primitives = [primitive for node in nodes for primitive in node.primitives]
-    position = [np.ascontiguousarray(p.position, "<f4") for p in primitives]
+    buffer = GlbBuffer()
+    first = _add_vertices(buffer, list(chain.from_iterable(node.primitives for node in nodes)))
+    pictures = [buffer.add_view(picture) for picture in gltf.images]
+    document = _document_head(len(nodes), extras, copyright)
+    if nodes:
+        document |= {
+            **({"extensionsUsed": list(gltf.extensions_used)} if gltf.extensions_used else {}),
+            "nodes": [{"name": node.name, "mesh": i} for i, node in enumerate(nodes)],
+            "meshes": _build_meshes(nodes, first, gltf),
+            **gltf.document_parts,
+            "images": [{"bufferView": view, "mimeType": "image/jpeg"} for view in pictures],
+            "samplers": SAMPLERS,
+            **buffer.document_parts,
+        }
+    return pack_glb(document, buffer.chunks)
+
+
+def _document_head(node_count: int, extras: Mapping[str, object] | None, copyright: str) -> JsonObject:
+    asset = {"version": "2.0", "generator": "Streetloom", **({"copyright": copyright} if copyright else {})}
+    scene: JsonObject = {"nodes": list(range(node_count))} if node_count else {}
+    if extras:
+        scene["extras"] = dict(extras)
+    return {"asset": asset, "scene": 0, "scenes": [scene]}
+
+
+def _add_vertices(buffer: GlbBuffer, primitives: Sequence[Primitive]) -> dict[str, int]:
+    """Add the arrays of all primitives to a buffer; returns the first accessor of each attribute."""
     arrays = {
-        "position": position,
+        "position": [np.ascontiguousarray(p.position, "<f4") for p in primitives],
         "normal": [np.ascontiguousarray(p.normal, "<f4") for p in primitives],
         "uv": [np.ascontiguousarray(p.uv, "<f4") for p in primitives],
         "tangent": [tangent_vectors(p.tangent) for p in primitives if p.tangent is not None],
         "triangles": [np.ascontiguousarray(p.triangles, "<u4").reshape(-1, 1) for p in primitives],
     }
-    buffer = GlbBuffer()
-    first: dict[str, int] = {}
+    first = {}
     for name, parts in arrays.items():
-        kind = ACCESSOR_TYPES[name]
         first[name] = len(buffer.accessors)
-        start = 0
-        for part in parts:
-            accessor: JsonObject = {
-                "bufferView": len(buffer.views),
-                "byteOffset": start,
-                "componentType": UNSIGNED_INT if name == "triangles" else FLOAT,
-                "count": len(part),
-                "type": kind,
-            }
-            if name == "position":
-                accessor |= {"min": part.min(axis=0).tolist(), "max": part.max(axis=0).tolist()}
-            buffer.accessors.append(accessor)
-            start += part.nbytes
-        if parts:
-            stride = {} if name == "triangles" else {"byteStride": 4 * parts[0].shape[1]}
-            target = ELEMENT_ARRAY_BUFFER if name == "triangles" else ARRAY_BUFFER
-            buffer.add_view(b"".join(part.tobytes() for part in parts), target=target, **stride)
-    pictures = [buffer.add_view(picture) for picture in gltf.images]
+        _add_shared_view(buffer, name, parts)
+    return first
 
-    meshes: list[dict[str, object]] = []
+
+def _add_shared_view(buffer: GlbBuffer, name: str, parts: Sequence[NumericArray]) -> None:
+    """Add the arrays (n, k) of one attribute as accessors of one view."""
+    is_index = name == "triangles"
+    start = 0
+    for part in parts:
+        accessor: JsonObject = {
+            "bufferView": len(buffer.views),
+            "byteOffset": start,
+            "componentType": UNSIGNED_INT if is_index else FLOAT,
+            "count": len(part),
+            "type": ACCESSOR_TYPES[name],
+        }
+        if name == "position":
+            accessor |= {"min": part.min(axis=0).tolist(), "max": part.max(axis=0).tolist()}
+        buffer.accessors.append(accessor)
+        start += part.nbytes
+    if parts:
+        stride = {} if is_index else {"byteStride": 4 * parts[0].shape[1]}
+        target = ELEMENT_ARRAY_BUFFER if is_index else ARRAY_BUFFER
+        buffer.add_view(b"".join(part.tobytes() for part in parts), target=target, **stride)
+
+
+def _build_meshes(nodes: Sequence[GltfNode], first: Mapping[str, int], gltf: GltfMaterials) -> list[JsonObject]:
+    """Return one mesh per node; its primitives refer to accessors that count on from `first`."""
+    meshes: list[JsonObject] = []
     count = leaning = 0
     for node in nodes:
         drawn = []
@@ -153,28 +185,7 @@ def encode_glb(
             )
             count += 1
         meshes.append({"name": node.name, "primitives": drawn})
-    document: JsonObject = {
-        "asset": {
-            "version": "2.0",
-            "generator": "Streetloom",
-            **({"copyright": copyright} if copyright else {}),
-        },
-        "scene": 0,
-        "scenes": [
-            {**({"nodes": list(range(len(nodes)))} if nodes else {}), **({"extras": dict(extras)} if extras else {})}
-        ],
-    }
-    if nodes:
-        document |= {
-            **({"extensionsUsed": list(gltf.extensions_used)} if gltf.extensions_used else {}),
-            "nodes": [{"name": node.name, "mesh": i} for i, node in enumerate(nodes)],
-            "meshes": meshes,
-            **gltf.document_parts,
-            "images": [{"bufferView": view, "mimeType": "image/jpeg"} for view in pictures],
-            "samplers": SAMPLERS,
-            **buffer.document_parts,
-        }
-    return pack_glb(document, buffer.chunks)
+    return meshes
 
 
 def pack_glb(document: Mapping[str, object], chunks: Sequence[bytes]) -> bytes:

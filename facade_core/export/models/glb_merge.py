@@ -91,7 +91,12 @@ def merge_glbs(
     head: JsonObject = {"asset": asset, "scene": 0, "scenes": [scene]}
     if nodes:
         head |= document | {**UNLIT_EXTENSIONS, "samplers": SAMPLERS, "buffers": [{"byteLength": length}]}
-    text = json.dumps(head, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
+    return _write_glb(path, head, parts, length)
+
+
+def _write_glb(path: Path, document: JsonObject, parts: Sequence[GlbFileHeader], length: int) -> int:
+    """Write a document and the binary data of its parts, `length` bytes; returns the size of the file."""
+    text = json.dumps(document, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
     text += b" " * (-len(text) % 4)
     total = HEADER_BYTES + 8 + len(text) + (8 + length if length else 0)
     temporary = path.with_suffix(".tmp")
@@ -124,16 +129,19 @@ def _append_document(
         document["materials"].append(
             one | {"name": f"page-{number}", "pbrMetallicRoughness": surface | {"baseColorTexture": shown}}
         )
-    for one in part["meshes"]:
-        drawn = [
-            {
-                "attributes": {key: index + first["accessors"] for key, index in primitive["attributes"].items()},
-                "indices": primitive["indices"] + first["accessors"],
-                "material": primitive["material"] + first["materials"],
-            }
-            for primitive in one["primitives"]
-        ]
-        document["meshes"].append(one | {"primitives": drawn})
+    document["meshes"] += [_renumber_mesh(one, first) for one in part["meshes"]]
     x, y, z = (mine - theirs for mine, theirs in zip(part["scenes"][0]["extras"]["origin"], origin, strict=True))
     moved = [x, z, -y]  # as glTF has it, y up
     document["nodes"] += [one | {"mesh": one["mesh"] + first["meshes"], "translation": moved} for one in part["nodes"]]
+
+
+def _renumber_mesh(mesh: JsonObject, first: Mapping[str, int]) -> JsonObject:
+    drawn = [
+        {
+            "attributes": {key: index + first["accessors"] for key, index in primitive["attributes"].items()},
+            "indices": primitive["indices"] + first["accessors"],
+            "material": primitive["material"] + first["materials"],
+        }
+        for primitive in mesh["primitives"]
+    ]
+    return mesh | {"primitives": drawn}

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 from facade_core.core.json_types import JsonObject
 from facade_core.export.models.encoders import ENCODERS, TextureEncoder
 from facade_core.export.models.pages import PageImages
+from facade_core.export.models.settings import MATERIAL_SETTINGS, MaterialSettings
 
-# Brightness of lit windows relative to white, so that they shine without changing their hue.
-EMISSIVE_STRENGTH = 3.0
 # Names of the variants.
 DAY = "day"
 NIGHT = "night"
@@ -43,6 +42,11 @@ class MaterialTextures:
     normal: bytes | None = None
     orm: bytes | None = None
     emissive: bytes | None = None
+
+    @property
+    def is_unlit(self) -> bool:
+        """Return True if the page has no maps."""
+        return self.normal is None or self.orm is None
 
 
 def encode_textures(images: PageImages, encoder: TextureEncoder) -> MaterialTextures:
@@ -77,7 +81,10 @@ class GltfMaterials:
 
 
 def build_gltf_materials(
-    pages: Sequence[MaterialTextures], encoder: TextureEncoder = ENCODERS["jpeg"], time: TimeOfDay = "day"
+    pages: Sequence[MaterialTextures],
+    encoder: TextureEncoder = ENCODERS["jpeg"],
+    time: TimeOfDay = "day",
+    settings: MaterialSettings = MATERIAL_SETTINGS,
 ) -> GltfMaterials:
     """Build one glTF material per page for a time of day.
 
@@ -95,45 +102,58 @@ def build_gltf_materials(
         pictures.append(picture)
         return {"index": len(textures) - 1}
 
-    choice, first = " or " in time, time.partition(" ")[0]
-    materials: list[dict[str, object]] = []
-    after: list[dict[str, object]] = []  # those of night where the first is day, and the other way round
-    primitives: list[dict[str, object]] = [{"material": i} for i in range(len(pages))]
+    has_choice, first = " or " in time, time.partition(" ")[0]
+    materials: list[JsonObject] = []
+    after: list[JsonObject] = []  # those of night where the first is day, and the other way round
+    primitives: list[JsonObject] = []
     for i, page in enumerate(pages):
-        shown: JsonObject = {
-            "name": f"page-{i}",
-            "pbrMetallicRoughness": {
-                "baseColorTexture": texture(page.base_colour),
-                "metallicFactor": 0.0,
-                "roughnessFactor": 1.0,
-            },
-        }
-        if page.normal is None or page.orm is None:
-            materials.append(shown | {"extensions": {"KHR_materials_unlit": {}}})
+        primitives.append({"material": i})
+        by_day = _day_material(f"page-{i}", page, texture)
+        if page.is_unlit:
             used.append("KHR_materials_unlit")
+        if page.is_unlit or page.emissive is None or time == DAY:
+            materials.append(by_day)
             continue
-        orm = texture(page.orm)
-        shown["pbrMetallicRoughness"]["metallicRoughnessTexture"] = orm
-        shown |= {"normalTexture": texture(page.normal), "occlusionTexture": orm}
-        if page.emissive is None or time == DAY:
-            materials.append(shown)
-            continue
-        by_night = shown | {
-            "name": f"page-{i}-{NIGHT}" if choice else f"page-{i}",
-            "emissiveTexture": texture(page.emissive),
-            "emissiveFactor": [1.0, 1.0, 1.0],
-            "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": EMISSIVE_STRENGTH}},
-        }
+        name = f"page-{i}-{NIGHT}" if has_choice else f"page-{i}"
+        by_night = by_day | _emission(texture(page.emissive), settings) | {"name": name}
         used.append("KHR_materials_emissive_strength")
-        materials.append(by_night if first == NIGHT else shown)
-        if choice:
+        shown = {DAY: by_day, NIGHT: by_night}
+        materials.append(shown.pop(first))
+        if has_choice:
             used.append("KHR_materials_variants")
-            other = len(pages) + len(after)
-            after.append(shown if first == NIGHT else by_night)
-            day, night = (other, i) if first == NIGHT else (i, other)
-            mappings = [{"material": day, "variants": [0]}, {"material": night, "variants": [1]}]
-            primitives[i] = {"material": i, "extensions": {"KHR_materials_variants": {"mappings": mappings}}}
+            numbers = {first: i, next(iter(shown)): len(pages) + len(after)}
+            after += shown.values()
+            primitives[i] |= _variants(numbers)
     document: JsonObject = {"materials": materials + after, "textures": textures}
     if "KHR_materials_variants" in used:
         document["extensions"] = {"KHR_materials_variants": {"variants": [{"name": DAY}, {"name": NIGHT}]}}
     return GltfMaterials(tuple(pictures), document, tuple(dict.fromkeys(used)), tuple(primitives))
+
+
+def _day_material(name: str, page: MaterialTextures, texture: Callable[[bytes], dict[str, int]]) -> JsonObject:
+    """Return the material of a page without emission; `texture` adds a picture and returns its reference."""
+    surface: JsonObject = {
+        "baseColorTexture": texture(page.base_colour),
+        "metallicFactor": 0.0,
+        "roughnessFactor": 1.0,
+    }
+    material: JsonObject = {"name": name, "pbrMetallicRoughness": surface}
+    if page.normal is None or page.orm is None:
+        return material | {"extensions": {"KHR_materials_unlit": {}}}
+    orm = texture(page.orm)
+    surface["metallicRoughnessTexture"] = orm
+    return material | {"normalTexture": texture(page.normal), "occlusionTexture": orm}
+
+
+def _emission(texture: dict[str, int], settings: MaterialSettings) -> JsonObject:
+    return {
+        "emissiveTexture": texture,
+        "emissiveFactor": [1.0, 1.0, 1.0],
+        "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": settings.emissive_strength}},
+    }
+
+
+def _variants(numbers: Mapping[str, int]) -> JsonObject:
+    """Return the extension of a primitive with one material by day and another by night."""
+    mappings = [{"material": numbers[time], "variants": [k]} for k, time in enumerate((DAY, NIGHT))]
+    return {"extensions": {"KHR_materials_variants": {"mappings": mappings}}}

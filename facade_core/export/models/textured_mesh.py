@@ -24,14 +24,11 @@ from facade_core.export.models.pages import (
     halve_layout,
     lay_out_shelves,
 )
+from facade_core.export.models.settings import MESH_SETTINGS, MeshSettings
 from facade_core.geometry.charts import Charts, Mesh
 from facade_core.geometry.scene import Scene
 
 GROUND_NODE = "ground"
-# Smaller triangles are invisible, m2.
-MIN_TRIANGLE_M2 = 1e-8
-# Decoded atlas pages in the cache; the charts of a building are on few consecutive pages.
-MAX_CACHED_PAGES = 12
 
 
 class ModelFrame(Protocol):
@@ -124,15 +121,18 @@ def triangle_areas(mesh: Mesh) -> Float64Array:
     return areas
 
 
-def build_textured_mesh(scene: Scene, read_page: Callable[[int], UInt8Array]) -> TexturedMesh:
+def build_textured_mesh(
+    scene: Scene, read_page: Callable[[int], UInt8Array], settings: MeshSettings = MESH_SETTINGS
+) -> TexturedMesh:
     """Build the textured mesh of a block from its atlas pages.
 
     Parameters
     ----------
     scene : scene with the placement of its charts.
     read_page : returns an atlas page (h, w, 3) uint8; the last pages are cached.
+    settings : numbers of meshes.
     """
-    held = lru_cache(maxsize=MAX_CACHED_PAGES)(read_page)
+    held = lru_cache(maxsize=settings.max_cached_pages)(read_page)
     placement, mesh = scene.placement, scene.mesh
 
     def raster(chart: int) -> UInt8Array:
@@ -143,7 +143,7 @@ def build_textured_mesh(scene: Scene, read_page: Callable[[int], UInt8Array]) ->
     texels = np.column_stack([placement.width, placement.height]).astype(np.int64)
     return TexturedMesh(
         scene.charts,
-        filter_triangles(mesh, triangle_areas(mesh) > MIN_TRIANGLE_M2),
+        filter_triangles(mesh, triangle_areas(mesh) > settings.min_triangle_m2),
         texels / placement.texels_per_metre[:, None],
         texels,
         raster,

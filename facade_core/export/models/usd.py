@@ -14,7 +14,8 @@ import numpy as np
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
 from facade_core.export.models.glb import GltfNode
-from facade_core.export.models.gltf_materials import DAY, EMISSIVE_STRENGTH, NIGHT
+from facade_core.export.models.gltf_materials import DAY, NIGHT
+from facade_core.export.models.settings import MATERIAL_SETTINGS, MaterialSettings
 
 if TYPE_CHECKING:
     from pxr.Usd import Prim, Stage
@@ -25,10 +26,6 @@ ROOT_PRIM = "Block"
 CITY_PRIM = "City"
 # Prefix of our keys in customData.
 NAMESPACE = "streetloom"
-# Roughness of charts without maps: plaster, stone and brick scatter light.
-DEFAULT_ROUGHNESS = 0.9
-# Index of refraction of every material.
-INDEX_OF_REFRACTION = 1.5
 # Variant set that selects DAY or NIGHT.
 TIME_VARIANT_SET = "time"
 
@@ -93,6 +90,7 @@ def write_usd_building(
     pages: Sequence[TextureAssetPaths],
     custom_data: Mapping[str, object],
     time: str | None = None,
+    settings: MaterialSettings = MATERIAL_SETTINGS,
 ) -> None:
     """Write the stage of one building: its meshes by page with their materials.
 
@@ -103,6 +101,7 @@ def write_usd_building(
     pages : textures by page.
     custom_data : customData of the prim; values of None are left out.
     time : selected variant, DAY or NIGHT; None without variants.
+    settings : numbers of materials.
     """
     import_usd_library()
     from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdShade, Vt
@@ -117,7 +116,9 @@ def write_usd_building(
         if value is not None:
             prim.SetCustomDataByKey(f"{NAMESPACE}:{key}", value)
     for primitive in node.primitives:
-        material = _define_material(stage, f"/{name}/Looks/page_{primitive.material}", pages[primitive.material])
+        material = _define_material(
+            stage, f"/{name}/Looks/page_{primitive.material}", pages[primitive.material], settings
+        )
         mesh = UsdGeom.Mesh.Define(stage, f"/{name}/page_{primitive.material}")
         points = primitive.position.astype(np.float32)
         mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points))
@@ -134,7 +135,7 @@ def write_usd_building(
         place.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(uv)))
         UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(material)
     if time:
-        _add_time_variants(prim, time, {NIGHT: lambda: _connect_emissive(stage, name, node, pages)})
+        _add_time_variants(prim, time, {NIGHT: lambda: _connect_emissive(stage, name, node, pages, settings)})
     stage.GetRootLayer().Save()
 
 
@@ -249,7 +250,7 @@ def _add_time_variants(prim: Prim, first: str, edits: Mapping[str, Callable[[], 
     variants.SetVariantSelection(first)
 
 
-def _define_material(stage: Stage, path: str, page: TextureAssetPaths) -> Material:
+def _define_material(stage: Stage, path: str, page: TextureAssetPaths, settings: MaterialSettings) -> Material:
     """Define a UsdPreviewSurface with the textures of a page."""
     from pxr import Sdf, UsdShade
 
@@ -269,15 +270,17 @@ def _define_material(stage: Stage, path: str, page: TextureAssetPaths) -> Materi
         for channel, name in zip("rgb", ("occlusion", "roughness", "metallic"), strict=True):
             surface.CreateInput(name, kinds.Float).ConnectToSource(orm.CreateOutput(channel, kinds.Float))
     else:
-        surface.CreateInput("roughness", kinds.Float).Set(DEFAULT_ROUGHNESS)
+        surface.CreateInput("roughness", kinds.Float).Set(settings.default_roughness)
         surface.CreateInput("metallic", kinds.Float).Set(0.0)
-    surface.CreateInput("ior", kinds.Float).Set(INDEX_OF_REFRACTION)
+    surface.CreateInput("ior", kinds.Float).Set(settings.index_of_refraction)
     out = surface.CreateOutput("surface", kinds.Token)
     material.CreateSurfaceOutput().ConnectToSource(out)
     return material
 
 
-def _connect_emissive(stage: Stage, name: str, node: GltfNode, pages: Sequence[TextureAssetPaths]) -> None:
+def _connect_emissive(
+    stage: Stage, name: str, node: GltfNode, pages: Sequence[TextureAssetPaths], settings: MaterialSettings
+) -> None:
     """Connect the emissive textures of a building."""
     from pxr import Sdf, UsdShade
 
@@ -285,7 +288,7 @@ def _connect_emissive(stage: Stage, name: str, node: GltfNode, pages: Sequence[T
         path, emissive = f"/{name}/Looks/page_{primitive.material}", pages[primitive.material].emissive
         if emissive:
             place = UsdShade.Shader.Get(stage, f"{path}/st").GetOutput("result")
-            texture = _define_texture(stage, f"{path}/glow", emissive, place, "sRGB", scale=EMISSIVE_STRENGTH)
+            texture = _define_texture(stage, f"{path}/glow", emissive, place, "sRGB", scale=settings.emissive_strength)
             surface = UsdShade.Shader.Get(stage, f"{path}/surface")
             lit = surface.CreateInput("emissiveColor", Sdf.ValueTypeNames.Color3f)
             lit.ConnectToSource(texture.CreateOutput("rgb", Sdf.ValueTypeNames.Float3))

@@ -9,17 +9,9 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float64Array, IntArray, UInt8Array
 from facade_core.export.models.textured_mesh import TexturedMesh
+from facade_core.export.tiles.settings import SHELL_SETTINGS, ShellSettings
 from facade_core.geometry.charts import ChartKind, Charts, Mesh
 from facade_core.geometry.raycast import MISS, RayCaster
-
-# Start of rays before a wall of the shell, metres.
-RAY_START_M = 2.0
-# Maximum distance of a hit behind the wall, metres.
-MAX_RAY_BEHIND_M = 12.0
-# Minimum distance of rays from the edge of a wall or roof, metres.
-MIN_EDGE_DISTANCE_M = 0.03
-# Rays per texel and axis.
-SAMPLES_PER_TEXEL = 3
 
 
 class ShellRasters(NamedTuple):
@@ -43,6 +35,7 @@ def bake_rasters(
     shells: ShellRasters,
     baked_charts: IntArray,
     rasters: Sequence[Callable[[int], UInt8Array]],
+    settings: ShellSettings = SHELL_SETTINGS,
 ) -> list[dict[int, UInt8Array]]:
     """Bake rasters of a building on the charts of its shell.
 
@@ -55,6 +48,7 @@ def bake_rasters(
     shells : rasters of all shells.
     baked_charts : (k,) charts of this building's shell.
     rasters : layers to bake; each returns the raster of a source chart at any size.
+    settings : numbers of shells.
 
     Returns
     -------
@@ -71,31 +65,36 @@ def bake_rasters(
     shown: list[dict[int, tuple[UInt8Array, BoolArray]]] = [{} for _ in rasters]
     for chart in baked_charts.tolist():
         width, height = texels[chart].tolist()
-        x = (np.arange(width * SAMPLES_PER_TEXEL) + 0.5) / SAMPLES_PER_TEXEL / density
-        y = (np.arange(height * SAMPLES_PER_TEXEL) + 0.5) / SAMPLES_PER_TEXEL / density
+        x = (np.arange(width * settings.samples_per_texel) + 0.5) / settings.samples_per_texel / density
+        y = (np.arange(height * settings.samples_per_texel) + 0.5) / settings.samples_per_texel / density
         # the edge of a shell, and its last texel, may exceed the building: a ray there would miss it
         x, y = (
-            np.clip(v, MIN_EDGE_DISTANCE_M, side - MIN_EDGE_DISTANCE_M)
+            np.clip(v, settings.min_edge_distance_m, side - settings.min_edge_distance_m)
             for v, side in zip((x, y), charts.size[chart], strict=True)
         )
         points = charts.points(chart, x[None], y[:, None])
         wall = charts.kind[chart] == ChartKind.WALL
-        before = RAY_START_M if wall else highest - charts.origin[chart, 2] + 1.0
+        before = settings.ray_start_m if wall else highest - charts.origin[chart, 2] + 1.0
         ahead = -normals[chart]
         origins = points - before * ahead
         depth, hit = caster.cast(origins, np.broadcast_to(ahead, points.shape))
-        found = (hit != MISS) & (depth < (before + MAX_RAY_BEHIND_M if wall else np.inf))
+        found = (hit != MISS) & (depth < (before + settings.max_ray_behind_m if wall else np.inf))
         for baked, raster in zip(shown, rasters, strict=True):
             colour = np.zeros((*hit.shape, 3), np.uint8)
             colour[found] = _sample_colours(source, hit[found], origins[found] + depth[found][:, None] * ahead, raster)
             baked[chart] = colour, found
-    return [_complete_rasters(baked) for baked in shown]
+    return [_complete_rasters(baked, settings) for baked in shown]
 
 
-def _complete_rasters(shown: Mapping[int, tuple[UInt8Array, BoolArray]]) -> dict[int, UInt8Array]:
+def _complete_rasters(
+    shown: Mapping[int, tuple[UInt8Array, BoolArray]], settings: ShellSettings
+) -> dict[int, UInt8Array]:
     seen = [colour[found] for colour, found in shown.values() if found.any()]
     mean = np.concatenate(seen).mean(axis=0) if seen else np.full(3, 128.0)
-    return {chart: _average_samples(_fill_missing(colour, found, mean)) for chart, (colour, found) in shown.items()}
+    return {
+        chart: _average_samples(_fill_missing(colour, found, mean), settings)
+        for chart, (colour, found) in shown.items()
+    }
 
 
 def _sample_colours(
@@ -124,10 +123,14 @@ def _fill_missing(colour: UInt8Array, found: BoolArray, mean: Float64Array) -> U
     return filled
 
 
-def _average_samples(colour: UInt8Array) -> UInt8Array:
+def _average_samples(colour: UInt8Array, settings: ShellSettings) -> UInt8Array:
     height, width, _ = colour.shape
     cells = colour.reshape(
-        height // SAMPLES_PER_TEXEL, SAMPLES_PER_TEXEL, width // SAMPLES_PER_TEXEL, SAMPLES_PER_TEXEL, 3
+        height // settings.samples_per_texel,
+        settings.samples_per_texel,
+        width // settings.samples_per_texel,
+        settings.samples_per_texel,
+        3,
     )
     averaged: UInt8Array = cells.mean(axis=(1, 3)).round().astype(np.uint8)
     return averaged

@@ -7,15 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from facade_core.core.arrays import Int64Array
-from facade_core.export.models.textured_mesh import MIN_TRIANGLE_M2, triangle_areas
-from facade_core.export.tiles.quadtree import MAX_CELL_M, collect_members, divide_grid
+from facade_core.export.models.settings import MESH_SETTINGS
+from facade_core.export.models.textured_mesh import triangle_areas
+from facade_core.export.tiles.quadtree import collect_members, divide_grid
+from facade_core.export.tiles.settings import GRID_SETTINGS, GridSettings
 from facade_core.plan.plan import Plan
-
-# Encoded bytes per texel, with gutters and unused space: 0.12 in the demo, twice that on photographed walls.
-BYTES_PER_TEXEL = 0.25
-# Maximum size of a tile, bytes.
-MAX_TILE_BYTES = 32_000_000
-MAX_TILE_TEXELS = int(MAX_TILE_BYTES / BYTES_PER_TEXEL)
 
 
 @dataclass(frozen=True)
@@ -36,17 +32,18 @@ class BlockTile:
     origin: tuple[float, float, float]
 
 
-def plan_block_tiles(plan: Plan) -> list[BlockTile]:
+def plan_block_tiles(plan: Plan, settings: GridSettings = GRID_SETTINGS) -> list[BlockTile]:
     """Plan the tiles of a block, sorted by path."""
     scene = plan.scene
     charts, mesh = scene.charts, scene.mesh
-    drawn = np.unique(mesh.chart[triangle_areas(mesh) > MIN_TRIANGLE_M2])
+    drawn = np.unique(mesh.chart[triangle_areas(mesh) > MESH_SETTINGS.min_triangle_m2])
     drawn = drawn[plan.in_core[drawn]]
     lowest = np.full(len(charts), np.inf)
     np.minimum.at(lowest, mesh.vertex_chart, mesh.vertices[:, 2])
     tiles = []
     leaf_of_building = {}
-    leaves = divide_grid(collect_members(charts, plan.texel_counts(), drawn), MAX_TILE_TEXELS)
+    max_texels = int(settings.max_tile_bytes / settings.bytes_per_texel)
+    leaves = divide_grid(collect_members(charts, plan.texel_counts(), drawn), max_texels, settings)
     for number, leaf in enumerate(leaves):
         leaf_of_building.update(dict.fromkeys(leaf.buildings.tolist(), number))
     own: list[list[int]] = [leaf.ground.tolist() for leaf in leaves]
@@ -54,7 +51,7 @@ def plan_block_tiles(plan: Plan) -> list[BlockTile]:
         own[leaf_of_building[int(charts.building[chart])]].append(chart)
     for leaf, held in zip(leaves, own, strict=True):
         mine = np.sort(np.array(held, np.int64))
-        corner = np.floor(leaf.corner / MAX_CELL_M) * MAX_CELL_M
+        corner = np.floor(leaf.corner / settings.max_cell_m) * settings.max_cell_m
         origin = (*corner.tolist(), float(np.floor(lowest[mine].min())))
         tiles.append(BlockTile(leaf.path, leaf.buildings, mine, origin))
     return tiles

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,17 +10,7 @@ import numpy as np
 from facade_core.core.arrays import Float64Array, Int64Array, IntArray
 from facade_core.export.models.textured_mesh import TexturedMesh
 from facade_core.export.tiles.quadtree import collect_members, quadrant_corner, split_quadrants
-
-# Maximum texels of a coarse tile: a page of 2048 square.
-MAX_COARSE_TILE_TEXELS = 2048**2
-# A cell is divided above this multiple of MAX_COARSE_TILE_TEXELS.
-DIVISION_FACTOR = 2.0
-# Undivided quadrants share a tile up to this multiple of MAX_COARSE_TILE_TEXELS.
-MAX_LEAF_FACTOR = 2.5
-# Maximum scale of the texels per metre in coarse tiles.
-COARSE_SCALE = 0.25
-# Maximum depth of the quadtree.
-MAX_DEPTH = 12
+from facade_core.export.tiles.settings import CELL_SETTINGS, CellSettings
 
 
 @dataclass(frozen=True)
@@ -52,7 +42,7 @@ class QuadtreeCell:
             yield from child.leaves()
 
 
-def build_quadtree(source: TexturedMesh) -> QuadtreeCell:
+def build_quadtree(source: TexturedMesh, settings: CellSettings = CELL_SETTINGS) -> QuadtreeCell:
     """Divide a block until the texels of a cell fit a tile or it holds one building.
 
     Quadrants of a cell that fit a tile together become one child.
@@ -61,17 +51,20 @@ def build_quadtree(source: TexturedMesh) -> QuadtreeCell:
     points = members.points
     low, high = points.min(axis=0), points.max(axis=0)
 
+    def texels(inside: Int64Array) -> int:
+        return int(members.texel_counts[inside].sum())
+
     def cell(path: str, inside: Int64Array, children: tuple[QuadtreeCell, ...] = ()) -> QuadtreeCell:
-        total = int(members.texel_counts[inside].sum())
+        total = texels(inside)
         # the texels per metre of the coarse tile are halved until it fits
-        steps = np.ceil(np.log2(max(1.0, total * COARSE_SCALE**2 / MAX_COARSE_TILE_TEXELS)) / 2)
-        return QuadtreeCell(path, *members.split(inside), total, COARSE_SCALE * 0.5 ** float(steps), children)
+        steps = np.ceil(np.log2(max(1.0, total * settings.coarse_scale**2 / settings.max_coarse_tile_texels)) / 2)
+        return QuadtreeCell(path, *members.split(inside), total, settings.coarse_scale * 0.5 ** float(steps), children)
 
     def divided(inside: Int64Array, path: str) -> bool:
         return (
-            int(members.texel_counts[inside].sum()) > DIVISION_FACTOR * MAX_COARSE_TILE_TEXELS
+            texels(inside) > settings.division_factor * settings.max_coarse_tile_texels
             and len(inside) > 1
-            and len(path) < MAX_DEPTH
+            and len(path) < settings.max_depth
         )
 
     def divide(path: str, inside: Int64Array, corner: Float64Array, side: float) -> QuadtreeCell:
@@ -80,8 +73,8 @@ def build_quadtree(source: TexturedMesh) -> QuadtreeCell:
         parts = {q: inside[mine] for q, mine in split_quadrants(points[inside], corner, side).items()}
         large = [q for q, mine in parts.items() if divided(mine, path + str(q))]
         children = [divide(path + str(q), parts[q], quadrant_corner(q, corner, side), side / 2) for q in large]
-        small = [q for q in parts if q not in large]
-        for joined in _bundle_quadrants(small, [int(members.texel_counts[parts[q]].sum()) for q in small]):
+        small = {q: texels(mine) for q, mine in parts.items() if q not in large}
+        for joined in _bundle_quadrants(small, settings):
             together = np.sort(np.concatenate([parts[q] for q in joined]))
             children.append(cell(path + "_".join(map(str, joined)), together))
         return cell(path, inside, tuple(children))
@@ -89,12 +82,12 @@ def build_quadtree(source: TexturedMesh) -> QuadtreeCell:
     return divide("", np.arange(len(points)), low, float((high - low).max()) + 1e-6)
 
 
-def _bundle_quadrants(quadrants: Sequence[int], weight: Sequence[int]) -> list[list[int]]:
-    """Bundle quadrants, heaviest first, as long as a bundle fits a leaf."""
+def _bundle_quadrants(texels: Mapping[int, int], settings: CellSettings) -> list[list[int]]:
+    """Bundle quadrants with their texels, heaviest first, as long as a bundle fits a leaf."""
     bundles: list[tuple[int, list[int]]] = []
-    for mine, quadrant in sorted(zip(weight, quadrants, strict=True), key=lambda one: (-one[0], one[1])):
+    for quadrant, mine in sorted(texels.items(), key=lambda one: (-one[1], one[0])):
         for i, (total, held) in enumerate(bundles):
-            if total + mine <= MAX_LEAF_FACTOR * MAX_COARSE_TILE_TEXELS:
+            if total + mine <= settings.max_leaf_factor * settings.max_coarse_tile_texels:
                 bundles[i] = (total + mine, [*held, quadrant])
                 break
         else:

@@ -11,9 +11,6 @@ import numpy as np
 from facade_core.core.arrays import Float64Array
 from facade_core.export.models.textured_mesh import ModelFrame, YUpFrame, to_y_up
 
-# Distance over which the angle between grid north and true north is measured, metres.
-NORTH_STEP_M = 100.0
-
 
 class TilesetFrame(ModelFrame, Protocol):
     """Frame of a tileset's models, with its place in the coordinates of the tileset."""
@@ -93,6 +90,7 @@ def earth_tangent_frame(crs: str, origin: Float64Array, geoid_separation: float 
     east = np.array([-np.sin(longitude), np.cos(longitude), 0.0])
     up = np.array([np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)])
     axes = np.stack([east, np.cross(up, east), up])
-    centre, ahead = earth_centred(np.stack([origin, origin + np.array([0.0, NORTH_STEP_M, 0.0])]))
+    # the angle between grid north and true north, over 100 m
+    centre, ahead = earth_centred(np.stack([origin, origin + np.array([0.0, 100.0, 0.0])]))
     x, y, _ = axes @ (ahead - centre)
     return EarthTangentFrame(earth_centred, centre, axes, float(np.arctan2(x, y)))

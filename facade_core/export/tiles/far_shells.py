@@ -15,21 +15,9 @@ from facade_core.export.bodies.footprints import building_footprint
 from facade_core.export.models.pages import PbrMaps, downscale
 from facade_core.export.models.textured_mesh import TexturedMesh, triangle_areas
 from facade_core.export.tiles.baking import ShellRasters, bake_rasters
+from facade_core.export.tiles.settings import SHELL_SETTINGS, ShellSettings
 from facade_core.geometry.charts import ChartBuilder, ChartKind, Charts, Mesh, SurfaceTarget
 from facade_core.geometry.ground.ground_charts import add_horizontal_surface, add_planar_chart
-
-# Tolerance of simplified outlines, metres.
-TOLERANCE_M = 1.0
-# Gaps up to twice this between parts of a building are closed, metres.
-GAP_CLOSING_M = 0.01
-# Smaller courtyards are closed, m2.
-MIN_COURTYARD_M2 = 16.0
-# Share of the roof area below the top of the shell.
-ROOF_SHARE = 0.7
-# Maximum distance between roofs and shell, metres; other buildings keep their own surfaces.
-MAX_DEVIATION_M = 4.0
-# Smaller roof triangles, such as those of chimneys, are ignored, m2.
-MIN_ROOF_TRIANGLE_M2 = 0.5
 
 # Encoded normal that points outward.
 FLAT_NORMAL = (128, 128, 255)
@@ -56,7 +44,10 @@ class BuildingShells:
 
 
 def build_shells(
-    source: TexturedMesh, density: float, on_progress: Callable[[], None] = lambda: None
+    source: TexturedMesh,
+    density: float,
+    on_progress: Callable[[], None] = lambda: None,
+    settings: ShellSettings = SHELL_SETTINGS,
 ) -> BuildingShells:
     """Build a shell for every building.
 
@@ -65,6 +56,7 @@ def build_shells(
     source : textured mesh of the block.
     density : texels per metre of the shells.
     on_progress : called after each building.
+    settings : numbers of shells.
     """
     pieces, kept = ChartBuilder(), []
     off: dict[int, float] = {}
@@ -72,7 +64,7 @@ def build_shells(
     for building, mine in triangles.items():
         if building < 0:
             continue
-        body = _shell_outlines(source, mine)
+        body = _shell_outlines(source, mine, settings)
         if body is None:
             kept.append(building)
             on_progress()
@@ -83,10 +75,10 @@ def build_shells(
     charts, mesh = pieces.build() if len(pieces) else _empty_mesh()
     texels = charts.texels(density)
     maps = source.maps
-    looks = [source.raster, *([] if maps is None else [lambda chart: _emissive_raster(maps(chart))])]
+    looks = _baked_layers(source)
     rasters: list[dict[int, UInt8Array]] = [{} for _ in looks]
     for building, mine in group_rows(charts.building).items():
-        layers = bake_rasters(source, triangles[building], ShellRasters(charts, texels, density), mine, looks)
+        layers = bake_rasters(source, triangles[building], ShellRasters(charts, texels, density), mine, looks, settings)
         for own, baked in zip(rasters, layers, strict=True):
             own |= baked
         on_progress()
@@ -94,6 +86,12 @@ def build_shells(
     if maps is not None:
         shown = replace(shown, maps=lambda chart: _flat_maps(rasters[1][chart]))
     return BuildingShells(shown, np.array(kept, np.int64), off)
+
+
+def _baked_layers(source: TexturedMesh) -> list[Callable[[int], UInt8Array]]:
+    """Return the layers of a source that shells show: its colour, and its light at night if it is relit."""
+    maps = source.maps
+    return [source.raster] if maps is None else [source.raster, lambda chart: _emissive_raster(maps(chart))]
 
 
 def _emissive_raster(maps: PbrMaps) -> UInt8Array:
@@ -108,7 +106,9 @@ def _flat_maps(emissive: UInt8Array) -> PbrMaps:
     return PbrMaps(flat, matt, small if small.any() else None)
 
 
-def _shell_outlines(source: TexturedMesh, triangles: IntArray) -> tuple[list[Polygon], float, float, float] | None:
+def _shell_outlines(
+    source: TexturedMesh, triangles: IntArray, settings: ShellSettings
+) -> tuple[list[Polygon], float, float, float] | None:
     """Return outlines, base and top of a shell and its deviation from the roofs; None if that is too large."""
     mesh = source.mesh
     roof = triangles[source.charts.kind[mesh.chart[triangles]] == ChartKind.ROOF]
@@ -116,26 +116,33 @@ def _shell_outlines(source: TexturedMesh, triangles: IntArray) -> tuple[list[Pol
         return None
     corners = mesh.vertices[mesh.triangles[roof]]
     covered = shapely.union_all(
-        shapely.buffer(building_footprint(source, triangles), GAP_CLOSING_M, join_style="mitre")
+        shapely.buffer(building_footprint(source, triangles), settings.gap_closing_m, join_style="mitre")
     )
     outlines = [
-        shapely.orient_polygons(
-            Polygon(part.exterior, [r for r in part.interiors if Polygon(r).area > MIN_COURTYARD_M2])
-        )
-        for part in shapely.get_parts(shapely.simplify(covered, TOLERANCE_M))
-        if part.area > TOLERANCE_M**2
+        shapely.orient_polygons(_without_small_courtyards(part, settings))
+        for part in shapely.get_parts(shapely.simplify(covered, settings.outline_tolerance_m))
+        if part.area > settings.outline_tolerance_m**2
     ]
     heights = corners[..., 2].mean(axis=1)
     order = np.argsort(heights)
     areas = triangle_areas(mesh)[roof]
     area = np.cumsum(areas[order])
-    top = float(heights[order][np.searchsorted(area, ROOF_SHARE * area[-1])])
+    top = float(heights[order][np.searchsorted(area, settings.roof_share * area[-1])])
     base = float(mesh.vertices[mesh.triangles[triangles], 2].min())
     off = np.abs(corners[..., 2] - top).max(axis=1)
-    apart = max(float(off[areas > MIN_ROOF_TRIANGLE_M2].max(initial=0.0)), TOLERANCE_M)
-    if apart > MAX_DEVIATION_M or top - base < TOLERANCE_M or not outlines or not all(o.is_valid for o in outlines):
+    apart = max(float(off[areas > settings.min_roof_triangle_m2].max(initial=0.0)), settings.outline_tolerance_m)
+    if (
+        apart > settings.max_deviation_m
+        or top - base < settings.outline_tolerance_m
+        or not outlines
+        or not all(o.is_valid for o in outlines)
+    ):
         return None
     return outlines, base, top, apart
+
+
+def _without_small_courtyards(outline: Polygon, settings: ShellSettings) -> Polygon:
+    return Polygon(outline.exterior, [r for r in outline.interiors if Polygon(r).area > settings.min_courtyard_m2])
 
 
 def _extrude(pieces: ChartBuilder, building: int, outline: Polygon, base: float, top: float) -> None:

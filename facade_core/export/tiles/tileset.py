@@ -15,18 +15,15 @@ from facade_core.export.models.encoders import MIPMAP_FACTOR, TextureEncoder
 from facade_core.export.models.features import FeatureTable
 from facade_core.export.models.gltf_materials import TimeOfDay, encode_textures, material_texel_ratio
 from facade_core.export.models.textured_mesh import TexturedMesh
-from facade_core.export.tiles.cells import COARSE_SCALE, QuadtreeCell
+from facade_core.export.tiles.cells import QuadtreeCell
 from facade_core.export.tiles.earth import TilesetFrame
 from facade_core.export.tiles.far_shells import BuildingShells
+from facade_core.export.tiles.settings import CELL_SETTINGS, TEXTURE_BUDGET, TextureBudget
 from facade_core.export.tiles.tile_glb import TileBatch, encode_tile_glb
 from facade_core.export.tiles.tile_pages import TilePages, pack_tile_pages
 
 # Screen-space error of viewers, pixels: a tile is replaced once a texel covers a pixel.
 ERROR_PIXELS = 16
-# Radius around a view with the finest tiles, metres; beyond it, tiles are coarse.
-VIEW_RADIUS_M = 300.0
-# Largest factor of one reduction of texels until a view fits.
-MAX_SCALE_STEP = 0.97
 
 
 class BoundingVolume(TypedDict):
@@ -318,10 +315,11 @@ def view_texture_scale(
     encoder: TextureEncoder,
     max_bytes: float,
     time: TimeOfDay = "day",
+    settings: TextureBudget = TEXTURE_BUDGET,
 ) -> float:
     """Compute the largest scale up to 1 at which the textures of any view fit the graphics memory.
 
-    A view holds the finest tiles within VIEW_RADIUS_M of the centre of a leaf, and the coarse tiles above them.
+    A view holds the finest tiles within `view_radius_m` of the centre of a leaf, and the coarse tiles above them.
 
     Parameters
     ----------
@@ -331,10 +329,11 @@ def view_texture_scale(
     encoder : encoder of the textures.
     max_bytes : limit of graphics memory, bytes.
     time : time of day shown by emissive materials.
+    settings : numbers of a view.
     """
     leaves = list(cells.leaves())
     middle = np.array([source.centres[cell_charts(source, leaf), :2].mean(axis=0) for leaf in leaves])
-    near = np.linalg.norm(middle[:, None] - middle[None], axis=-1) <= VIEW_RADIUS_M
+    near = np.linalg.norm(middle[:, None] - middle[None], axis=-1) <= settings.view_radius_m
     coarse = list(_iterate_coarse_cells(cells))
     # the path of a leaf starts with the paths of the cells above it; (views, coarse tiles)
     above = near @ np.array([[leaf.path.startswith(cell.path) for cell in coarse] for leaf in leaves])
@@ -342,14 +341,15 @@ def view_texture_scale(
     scale = 1.0
     while True:
         fine = np.array([pack_tile_pages(source, cell_charts(source, leaf), scale).page_texels for leaf in leaves])
-        more = [
-            sum(one.page_texels for part in pack_coarse_pages(source, shells, cell, scale) for one in part)
-            for cell in coarse
-        ]
+        more = [_coarse_texels(source, shells, cell, scale) for cell in coarse]
         held = float((near @ fine + above @ np.array(more)).max()) * texel_bytes
-        if held <= max_bytes or scale < COARSE_SCALE:
+        if held <= max_bytes or scale < CELL_SETTINGS.coarse_scale:
             return scale
-        scale *= max(COARSE_SCALE, min(MAX_SCALE_STEP, float(np.sqrt(max_bytes / held))))
+        scale *= max(CELL_SETTINGS.coarse_scale, min(settings.max_scale_step, float(np.sqrt(max_bytes / held))))
+
+
+def _coarse_texels(source: TexturedMesh, shells: BuildingShells, cell: QuadtreeCell, scale: float) -> int:
+    return sum(pages.page_texels for part in pack_coarse_pages(source, shells, cell, scale) for pages in part)
 
 
 def pack_coarse_pages(
@@ -364,9 +364,11 @@ def pack_coarse_pages(
     kept = np.intersect1d(cell.buildings, shells.without_shell)
     own = np.union1d(cell.ground, source.select_charts(kept)).astype(np.int64)
     simple = shells.textured_mesh.select_charts(np.setdiff1d(cell.buildings, kept))
-    # rasters of shells already have COARSE_SCALE
+    # rasters of shells already have `coarse_scale`
     return (
-        [pack_tile_pages(shells.textured_mesh, simple, scale * cell.scale / COARSE_SCALE)] if len(simple) else [],
+        [pack_tile_pages(shells.textured_mesh, simple, scale * cell.scale / CELL_SETTINGS.coarse_scale)]
+        if len(simple)
+        else [],
         [pack_tile_pages(source, own, scale * cell.scale)] if len(own) else [],
     )
 

@@ -24,7 +24,8 @@ from facade_core.export.lighting.relighting import RelightingInputs, StoredChart
 from facade_core.export.lighting.settings import HEIGHT_MAP_SETTINGS
 from facade_core.export.models.encoders import ENCODERS
 from facade_core.export.models.glb import encode_glb
-from facade_core.export.models.gltf_materials import EMISSIVE_STRENGTH, NIGHT, TimeOfDay, encode_textures
+from facade_core.export.models.gltf_materials import NIGHT, TimeOfDay, encode_textures
+from facade_core.export.models.settings import MATERIAL_SETTINGS
 from facade_core.export.models.textured_mesh import (
     TexturedMesh,
     build_nodes,
@@ -256,4 +257,6 @@ def test_lit_models_are_valid_and_have_their_time_of_day(
             shown = said["materials"][mapping["material"]]
             assert ("emissiveTexture" in shown) == night
             if night:
-                assert shown["extensions"]["KHR_materials_emissive_strength"] == {"emissiveStrength": EMISSIVE_STRENGTH}
+                assert shown["extensions"]["KHR_materials_emissive_strength"] == {
+                    "emissiveStrength": MATERIAL_SETTINGS.emissive_strength
+                }

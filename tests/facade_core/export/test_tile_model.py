@@ -17,8 +17,8 @@ import trimesh
 from facade_core.export.models import pages
 from facade_core.export.models.glb_merge import merge_glbs, read_glb_file_header
 from facade_core.export.models.textured_mesh import TexturedMesh, mesh_y_up_frame
-from facade_core.export.tiles import overview
 from facade_core.export.tiles.overview import encode_overview, overview_scale, select_overview_charts
+from facade_core.export.tiles.settings import OverviewSettings
 from facade_core.export.tiles.tile_model import (
     COARSE_DIVISOR,
     EarlierTile,
@@ -179,26 +179,22 @@ def test_what_is_no_model_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("most", [8_000_000, 40_000, 12_000, 5_000])
-def test_an_overview_is_as_small_as_it_must_be(
-    coloured: TexturedMesh, most: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    overview_bytes = overview.MAX_OVERVIEW_BYTES
-    monkeypatch.setattr(overview, "MAX_OVERVIEW_BYTES", most)
-    charts = select_overview_charts(coloured)
-    size = np.maximum(1, np.ceil(coarse_size(coloured.texels) * overview_scale(coarse_size(coloured.texels)[charts])))
-    size = size.astype(np.int64)
+def test_an_overview_is_as_small_as_it_must_be(coloured: TexturedMesh, most: int) -> None:
+    settings = OverviewSettings(max_overview_bytes=most)
+    charts = select_overview_charts(coloured, settings)
+    coarse = coarse_size(coloured.texels)
+    size = np.maximum(1, np.ceil(coarse * overview_scale(coarse[charts], settings))).astype(np.int64)
 
     def raster(chart: int) -> np.ndarray:
         return pages.downscale(coloured.raster(chart), tuple(size[chart].tolist()))
 
-    data = encode_overview(
-        replace(coloured, texels=size, raster=raster), charts, {"origin": [386000.0, 6671990.0, 0.0]}
-    )
+    whole = replace(coloured, texels=size, raster=raster)
+    data = encode_overview(whole, charts, {"origin": [386000.0, 6671990.0, 0.0]}, settings=settings)
     assert len(data) <= most
     model = trimesh.load(io.BytesIO(data), file_type="glb")
     shown = sum(len(part.faces) for part in model.geometry.values())
     assert 0 < shown <= len(coloured.mesh.triangles)
-    if most == overview_bytes:
+    if settings == OverviewSettings():
         assert shown == len(coloured.mesh.triangles)
     area = coloured.charts.size.prod(axis=1)
     left_out = np.setdiff1d(np.unique(coloured.mesh.chart), charts)

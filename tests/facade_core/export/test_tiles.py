@@ -23,10 +23,10 @@ from facade_core.export.models.features import FeatureTable, MetadataProperty
 from facade_core.export.models.glb import extract_images, read_glb_header
 from facade_core.export.models.gltf_materials import TimeOfDay
 from facade_core.export.models.textured_mesh import TexturedMesh, mesh_y_up_frame
-from facade_core.export.tiles import cells
-from facade_core.export.tiles.cells import COARSE_SCALE, build_quadtree
+from facade_core.export.tiles.cells import build_quadtree
 from facade_core.export.tiles.earth import ProjectedFrame, earth_tangent_frame
 from facade_core.export.tiles.far_shells import build_shells
+from facade_core.export.tiles.settings import CELL_SETTINGS, CellSettings
 from facade_core.export.tiles.tileset import (
     TiledModel,
     TilesetSummary,
@@ -103,11 +103,15 @@ def features(source: TexturedMesh) -> FeatureTable:
 
 
 def written(
-    source: TexturedMesh, scale: float = 1.0, textures: str = "jpeg", time: TimeOfDay = "day"
+    source: TexturedMesh,
+    scale: float = 1.0,
+    textures: str = "jpeg",
+    time: TimeOfDay = "day",
+    settings: CellSettings = CELL_SETTINGS,
 ) -> tuple[TilesetSummary, dict[str, bytes], int]:
     files: dict[str, bytes] = {}
-    cells = build_quadtree(source)
-    shells = build_shells(source, 10 * COARSE_SCALE)
+    cells = build_quadtree(source, settings)
+    shells = build_shells(source, 10 * settings.coarse_scale)
     frame = earth_tangent_frame(CRS, mesh_y_up_frame(source.mesh).origin)
     made = write_tileset(
         TiledModel(source, shells, frame, features(source)),
@@ -154,12 +158,9 @@ def drawn_ids(glb: bytes) -> set[str]:
     return found
 
 
-@pytest.mark.parametrize("texels", [cells.MAX_COARSE_TILE_TEXELS, 60_000, 3_000])
-def test_tiles_nest_and_hold_every_building_at_both_levels(
-    coloured: TexturedMesh, texels: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(cells, "MAX_COARSE_TILE_TEXELS", texels)
-    made, files, counted = written(coloured)
+@pytest.mark.parametrize("texels", [CELL_SETTINGS.max_coarse_tile_texels, 60_000, 3_000])
+def test_tiles_nest_and_hold_every_building_at_both_levels(coloured: TexturedMesh, texels: int) -> None:
+    made, files, counted = written(coloured, settings=CellSettings(max_coarse_tile_texels=texels))
     value = made.tilesets["tileset.json"]
     assert value["asset"]["version"] == "1.1"
     assert value["asset"]["extras"] == {"k": 1, "attribution": OF.to_json()}
@@ -253,7 +254,7 @@ def test_every_chart_answers_with_its_row_and_keeps_its_colour(coloured: Texture
 
 
 def fitting(source: TexturedMesh, most: float, time: TimeOfDay = "day") -> float:
-    shells = build_shells(source, 10 * COARSE_SCALE)
+    shells = build_shells(source, 10 * CELL_SETTINGS.coarse_scale)
     return view_texture_scale(source, shells, build_quadtree(source), texture_encoder("jpeg"), most, time)
 
 
