@@ -84,35 +84,35 @@ class PolygonWriter:
 
     def add_polygon(self, parent: Element, face: ModelFace, name: str = "gml:Polygon") -> str | None:
         """Add a face as a child of `parent` and return its id; None without area on the grid."""
-        rings = []
-        for i, points in enumerate(face.rings):
-            own = VertexPool(self.pool.origin)
-            corners, places = own.add_ring(points, face.uv[i] if face.page is not None else None)
-            if not corners and not i:
-                return None
-            if corners:
-                world = np.array(list(own.vertices))[corners] * METRES_PER_UNIT + self.pool.origin
-                uv = np.array(list(own.texture_vertices))[places] if places else None
-                rings.append((world, uv))
+        rings = self.snap_rings(face)
+        if not rings:
+            return None
         id = f"{self.prefix}-p{self.count}"
         self.count += 1
         polygon = add_xml_element(parent, name, gml_id=id)
         shown: list[tuple[str, list[float]]] = []
         for number, (world, uv) in enumerate(rings):
-            ring = add_xml_element(
-                add_xml_element(polygon, "gml:interior" if number else "gml:exterior"), "gml:LinearRing"
-            )
-            ring.set(expand_prefix("gml:id"), f"{id}-r{number}")
-            closed = np.concatenate([world, world[:1]])
-            add_xml_element(ring, "gml:posList", " ".join(f"{v:.3f}" for v in closed.ravel().tolist())).set(
-                "srsDimension", "3"
-            )
+            side = add_xml_element(polygon, "gml:interior" if number else "gml:exterior")
+            _add_linear_ring(side, world, f"{id}-r{number}")
             self.low, self.high = np.minimum(self.low, world.min(axis=0)), np.maximum(self.high, world.max(axis=0))
             if uv is not None:
                 shown.append((f"{id}-r{number}", np.concatenate([uv, uv[:1]]).ravel().tolist()))
         if face.page is not None:
             self.targets.setdefault(face.page, []).append((id, shown))
         return id
+
+    def snap_rings(self, face: ModelFace) -> list[tuple[Float64Array, Float64Array | None]]:
+        """Return corners (k, 3) and texture coordinates (k, 2) of a face's rings on the grid; empty without area."""
+        rings: list[tuple[Float64Array, Float64Array | None]] = []
+        for i, points in enumerate(face.rings):
+            own = VertexPool(self.pool.origin)
+            corners, places = own.add_ring(points, face.uv[i] if face.page is not None else None)
+            if corners:
+                world = np.array(list(own.vertices))[corners] * METRES_PER_UNIT + self.pool.origin
+                rings.append((world, np.array(list(own.texture_vertices))[places] if places else None))
+            elif not i:
+                return []
+        return rings
 
     def add_triangles(self, parent: Element, faces: Sequence[ModelFace]) -> None:
         """Add faces of three corners as a triangulated surface."""
@@ -151,6 +151,14 @@ class PolygonWriter:
                 for ring, uv in rings:
                     text = " ".join(f"{v:.{UV_DECIMALS}f}".rstrip("0").rstrip(".") for v in uv)
                     add_xml_element(places, "app:textureCoordinates", text, ring=f"#{ring}")
+
+
+def _add_linear_ring(parent: Element, corners: Float64Array, id: str) -> None:
+    ring = add_xml_element(parent, "gml:LinearRing")
+    ring.set(expand_prefix("gml:id"), id)
+    closed = np.concatenate([corners, corners[:1]])
+    places = add_xml_element(ring, "gml:posList", " ".join(f"{v:.3f}" for v in closed.ravel().tolist()))
+    places.set("srsDimension", "3")
 
 
 def boundary_surfaces(

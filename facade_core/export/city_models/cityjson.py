@@ -128,18 +128,11 @@ def build_geometry(
     values: list[int] = []
     textures: list[list[list[int | None]]] = []
     for face in faces:
-        rings = [
-            pool.add_ring(points, face.uv[i] if face.page is not None else None) for i, points in enumerate(face.rings)
-        ]
-        if not rings[0][0]:
-            continue
-        rings = [ring for ring in rings if ring[0]]
-        boundaries.append([corners for corners, _ in rings])
-        values.append(face.semantic)
-        if face.page is None:
-            textures.append([[None] for _ in rings])
-        else:
-            textures.append([[pool.add_page(face.page), *places] for _, places in rings])
+        corners, places = _add_face(face, pool)
+        if corners:
+            boundaries.append(corners)
+            values.append(face.semantic)
+            textures.append(places)
     textured = any(rings[0] != [None] for rings in textures)
     semantics = _build_semantics(values, surfaces) if kind != "CompositeSurface" else None
     is_solid = kind == "Solid"  # has a list of shells around its faces
@@ -149,6 +142,17 @@ def build_geometry(
     if textured:
         geometry["texture"] = {THEME: {"values": [textures] if is_solid else textures}}
     return geometry
+
+
+def _add_face(face: ModelFace, pool: VertexPool) -> tuple[list[list[int]], list[list[int | None]]]:
+    """Add a face to the pool; returns the corners and the texture of its rings, empty without area on the grid."""
+    uv: Sequence[Float64Array | None] = face.uv if face.page is not None else [None] * len(face.rings)
+    rings = [pool.add_ring(points, own) for points, own in zip(face.rings, uv, strict=True)]
+    if not rings[0][0]:
+        return [], []
+    rings = [ring for ring in rings if ring[0]]
+    page: list[int | None] = [None] if face.page is None else [pool.add_page(face.page)]
+    return [corners for corners, _ in rings], [[*page, *places] for _, places in rings]
 
 
 def _build_semantics(values: Sequence[int], surfaces: Sequence[SemanticSurface]) -> JsonObject:

@@ -107,7 +107,7 @@ def encode_glb(
     nodes = [node for node in nodes if node.primitives]
     buffer = GlbBuffer()
     first = _add_vertices(buffer, list(chain.from_iterable(node.primitives for node in nodes)))
-    pictures = [buffer.add_view(picture) for picture in gltf.images]
+    pictures = list(map(buffer.add_view, gltf.images))
     document = _document_head(len(nodes), extras, copyright)
     if nodes:
         document |= {
