@@ -10,9 +10,8 @@ from facade_core.export.models.textured_mesh import TexturedMesh
 from facade_core.export.tiles.quadtree import GridLeaf, QuadtreeMembers, collect_members, divide_grid
 from facade_core.export.tiles.settings import GRID_SETTINGS
 
-places = st.lists(
-    st.tuples(st.floats(-3000, 3000), st.floats(-3000, 3000), st.integers(1, 100)), min_size=1, max_size=40
-)
+coordinates = st.floats(-3000, 3000, allow_subnormal=False)
+places = st.lists(st.tuples(coordinates, coordinates, st.integers(1, 100)), min_size=1, max_size=40)
 
 
 def members(things: list[tuple[float, float, int]]) -> QuadtreeMembers:
