@@ -40,8 +40,8 @@ def test_a_store_has_the_file_as_it_is() -> None:
         _ = stored(group, record).hierarchy
 
 
-def test_variations_of_an_earlier_version_are_made_again() -> None:
+def test_a_facade_without_stored_variations_names_the_remedy() -> None:
     record: Any = {"status": "done", "variation_levels": 3}
     assert FACADES.unit_files(0, record) == {}
-    with pytest.raises(StoreError, match="an earlier version made the variations of this facade"):
+    with pytest.raises(StoreError, match="this facade has no stored variations; run the block again"):
         stored(None, record).reconstruct_level(0)
