@@ -8,18 +8,13 @@ from facade_core.geometry.charts import Charts
 from facade_core.geometry.settings import FACADE_WALLS
 from facade_core.geometry.walls import WallRole
 from facade_core.plan.facades import Facades
+from facade_core.plan.settings import DOORS, DoorSettings
 
 # Left and right end of a wall's foot, as shares of its chart.
 _FOOT_SHARES = np.array([[0.0, 1.0], [1.0, 1.0]])
-# Cosines of the turns between a wall that cuts off a corner and both adjacent walls: 75 and 15 degrees.
-CORNER_COSINES = (0.26, 0.966)
-# Metres; narrower back walls have no door.
-MIN_DOOR_WALL_M = 1.6
-# Back walls of a building from which the two widest have a door, not one.
-MIN_BACKS_FOR_TWO_DOORS = 5
 
 
-def is_corner_facade(charts: Charts, facades: Facades, facade: int) -> bool:
+def is_corner_facade(charts: Charts, facades: Facades, facade: int, settings: DoorSettings = DOORS) -> bool:
     """Return whether a facade is a narrow wall that cuts off the corner of two streets."""
     if (
         facades.role[facade] != WallRole.SIDE
@@ -37,12 +32,16 @@ def is_corner_facade(charts: Charts, facades: Facades, facade: int) -> bool:
     # the left wall must end where this one begins, and face away from the right one: else the corner is a nook
     for one, place, end, way in ((own[0], ends[0, 0], 1, -1), (own[-1], ends[-1, 1], 0, 1)):
         turn = normals @ charts.normals()[facades.chart[one]]
-        turned = (turn > CORNER_COSINES[0]) & (turn < CORNER_COSINES[1]) & (way * (normals[:, :2] @ along) > 0)
+        turned = (
+            (turn > settings.corner_cosines[0])
+            & (turn < settings.corner_cosines[1])
+            & (way * (normals[:, :2] @ along) > 0)
+        )
         found.append(bool((turned & (np.hypot(*(foot[:, end] - place).T) < FACADE_WALLS.corner_tolerance_m)).any()))
     return all(found)
 
 
-def has_back_door(facades: Facades, facade: int) -> bool:
+def has_back_door(facades: Facades, facade: int, settings: DoorSettings = DOORS) -> bool:
     """Return whether a back wall has a door: the widest on the ground, or the two widest of many."""
     if facades.role[facade] != WallRole.BACK:
         return False
@@ -57,5 +56,5 @@ def has_back_door(facades: Facades, facade: int) -> bool:
         [(facades.along[one] + facades.width[one]).max() for one in map(facades.run_members, runs.tolist())]
     )
     order = np.argsort(-wide, kind="stable")
-    chosen = runs[order][: 2 if len(runs) >= MIN_BACKS_FOR_TWO_DOORS else 1]
-    return bool(facades.run[facade] in chosen[wide[order][: len(chosen)] >= MIN_DOOR_WALL_M])
+    chosen = runs[order][: 2 if len(runs) >= settings.min_backs_for_two_doors else 1]
+    return bool(facades.run[facade] in chosen[wide[order][: len(chosen)] >= settings.min_door_wall_m])

@@ -9,37 +9,7 @@ import shapely
 
 from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array
 from facade_core.plan.exemplar_style import ExemplarLibrary
-
-# Greatest random cost, for variety among exemplars that fit.
-RANDOM_COST = 0.8
-# Costs per log ratio of floors, of floor height, and of width, which hardly matters as bays are repeated and dropped.
-FLOORS_COST = 0.7
-FLOOR_HEIGHT_COST = 0.7
-WIDTH_COST = 0.05
-# Shares of an exemplar that may be inpainted, and in shadow, without a cost.
-USUAL_HIDDEN_SHARE = 0.15
-USUAL_SHADED_SHARE = 0.18
-# Cost per share beyond these.
-HIDDEN_COST = 4.0
-# Cost of an exemplar of no quality.
-QUALITY_COST = 3.0
-# Greatest share of a neighbourhood's walls that one exemplar takes, by the width of those that have chosen. In a small
-# library it is SPARE_SHARE times an equal share, and where all exemplars would exceed it, the least that one would cover.
-MAX_EXEMPLAR_SHARE = 0.15
-SPARE_SHARE = 1.5
-# Buildings with walls within this distance are neighbours, which are seen together; metres.
-NEIGHBOURHOOD_M = 60.0
-# Cost of a neighbour's exemplar, above any misfit, and greatest cost of a similar exemplar.
-SAME_EXEMPLAR_COST = 100.0
-SIMILAR_COST = 1.2
-# Greatest cost of a neighbour's form in other colours, and the form distance at which it has fallen to 1 / e.
-SAME_FORM_COST = 3.0
-FORM_DISTANCE = 0.5
-# Families of exemplars per street, and the cost of another family.
-FAMILIES_PER_STREET = 3
-OTHER_FAMILY_COST = 1.0
-# Cost of shops where the map has none, and the other way round.
-SHOP_MISMATCH_COST = 1.4
+from facade_core.plan.settings import EXEMPLAR_CHOICE, ExemplarChoiceSettings
 
 
 @dataclass(frozen=True)
@@ -64,7 +34,13 @@ class ExemplarTargetWalls:
     shops: Int64Array
 
 
-def choose_exemplars(walls: ExemplarTargetWalls, library: ExemplarLibrary, *, seed: int) -> Int64Array:
+def choose_exemplars(
+    walls: ExemplarTargetWalls,
+    library: ExemplarLibrary,
+    *,
+    seed: int,
+    settings: ExemplarChoiceSettings = EXEMPLAR_CHOICE,
+) -> Int64Array:
     """Choose an exemplar for each wall; the walls of one building share theirs.
 
     The misfit is that of the building's widest wall: floors, floor height, families of the street, quality, and shares
@@ -77,6 +53,7 @@ def choose_exemplars(walls: ExemplarTargetWalls, library: ExemplarLibrary, *, se
     walls : walls to choose for.
     library : exemplars to choose from.
     seed : random seed.
+    settings : numbers of the step.
 
     Returns
     -------
@@ -87,18 +64,18 @@ def choose_exemplars(walls: ExemplarTargetWalls, library: ExemplarLibrary, *, se
         return np.zeros(0, np.int64)
     order = np.lexsort((-walls.width, row))
     main = order[np.searchsorted(row[order], np.arange(len(numbers)))]
-    misfit = _misfit_costs(walls, main, library)
+    misfit = _misfit_costs(walls, main, library, settings)
     draws = _draw_by_building(numbers, seed, 1 + misfit.shape[1])
-    misfit += RANDOM_COST * draws[:, 1:]
-    misfit += OTHER_FAMILY_COST * ~_is_in_street_families(walls.street[main], library.family, seed)
-    near, metres = _neighbouring_buildings(walls.ends, row, len(numbers))
+    misfit += settings.random_cost * draws[:, 1:]
+    misfit += settings.other_family_cost * ~_is_in_street_families(walls.street[main], library.family, seed, settings)
+    near, metres = _neighbouring_buildings(walls.ends, row, len(numbers), settings)
     width = np.asarray(np.bincount(row, walls.width), np.float64)
     rank = _rank_buildings(numbers, draws[:, 0], width)
 
     chosen = np.full(len(numbers), -1)
     for i in np.argsort(rank).tolist():
-        fits = np.where(_exceeds_share(chosen, width, i, near[i], misfit.shape[1]), np.inf, misfit[i])
-        chosen[i] = _cheapest_exemplar(fits, chosen[near[i]], metres[i], library)
+        fits = np.where(_exceeds_share(chosen, width, i, near[i], misfit.shape[1], settings), np.inf, misfit[i])
+        chosen[i] = _cheapest_exemplar(fits, chosen[near[i]], metres[i], library, settings)
     return chosen[row]
 
 
@@ -127,10 +104,12 @@ class ExemplarChoiceOrder:
         return self.numbers[found]
 
 
-def exemplar_choice_order(walls: ExemplarTargetWalls, *, seed: int) -> ExemplarChoiceOrder:
+def exemplar_choice_order(
+    walls: ExemplarTargetWalls, *, seed: int, settings: ExemplarChoiceSettings = EXEMPLAR_CHOICE
+) -> ExemplarChoiceOrder:
     """Compute the order in which `choose_exemplars` visits buildings."""
     numbers, row = np.unique(walls.building, return_inverse=True)
-    near, _ = _neighbouring_buildings(walls.ends, row, len(numbers))
+    near, _ = _neighbouring_buildings(walls.ends, row, len(numbers), settings)
     width = np.asarray(np.bincount(row, walls.width), np.float64)
     rank = _rank_buildings(numbers, _draw_by_building(numbers, seed, 1)[:, 0], width)
     return ExemplarChoiceOrder(numbers, tuple(others[rank[others] < rank[one]] for one, others in enumerate(near)))
@@ -153,24 +132,30 @@ def _rank_buildings(numbers: Int64Array, draws: Float64Array, width: Float64Arra
     return rank
 
 
-def _misfit_costs(walls: ExemplarTargetWalls, main: Int64Array, library: ExemplarLibrary) -> Float64Array:
+def _misfit_costs(
+    walls: ExemplarTargetWalls, main: Int64Array, library: ExemplarLibrary, settings: ExemplarChoiceSettings
+) -> Float64Array:
     """Compute the cost of each exemplar for each building by its widest wall, (b, k)."""
 
     def ratio(own: Float64Array, theirs: Float64Array) -> Float64Array:
         return np.abs(np.log(own[:, None] / theirs[None]))
 
     floors, given = walls.floors[main].astype(float), np.maximum(np.asarray(library.floors, float), 1)
-    misfit = FLOORS_COST * ratio(floors, given)
-    misfit += FLOOR_HEIGHT_COST * ratio(walls.height[main] / floors, np.asarray(library.height, float) / given)
-    misfit += WIDTH_COST * ratio(walls.width[main], np.asarray(library.width, float))
-    misfit += HIDDEN_COST * np.maximum(0, np.asarray(library.hidden, float) - USUAL_HIDDEN_SHARE)
-    misfit += QUALITY_COST * (1 - np.asarray(library.quality, float))
+    misfit = settings.floors_cost * ratio(floors, given)
+    misfit += settings.floor_height_cost * ratio(walls.height[main] / floors, np.asarray(library.height, float) / given)
+    misfit += settings.width_cost * ratio(walls.width[main], np.asarray(library.width, float))
+    misfit += settings.hidden_cost * np.maximum(0, np.asarray(library.hidden, float) - settings.usual_hidden_share)
+    misfit += settings.quality_cost * (1 - np.asarray(library.quality, float))
     mapped, has_shops = walls.shops[main][:, None], np.asarray(library.shops, float) > 0
-    misfit += SHOP_MISMATCH_COST * ((mapped >= 0) & (has_shops != (mapped > 0)))
-    return misfit + HIDDEN_COST * np.maximum(0, np.asarray(library.shaded, float) - USUAL_SHADED_SHARE)
+    misfit += settings.shop_mismatch_cost * ((mapped >= 0) & (has_shops != (mapped > 0)))
+    return misfit + settings.hidden_cost * np.maximum(
+        0, np.asarray(library.shaded, float) - settings.usual_shaded_share
+    )
 
 
-def _is_in_street_families(street: Int64Array, family: Int64Array, seed: int) -> BoolArray:
+def _is_in_street_families(
+    street: Int64Array, family: Int64Array, seed: int, settings: ExemplarChoiceSettings
+) -> BoolArray:
     """Return whether each exemplar is of the families of each building's street (b,), (b, k).
 
     A street draws its families in proportion to the number of their exemplars.
@@ -181,17 +166,17 @@ def _is_in_street_families(street: Int64Array, family: Int64Array, seed: int) ->
     arrival = np.cumsum(1 / np.arange(len(size), 0, -1))
     for number in np.unique(street).tolist():
         order = np.random.default_rng([seed, number]).permutation(len(size))
-        kept = order[np.argsort(arrival / size[order], kind="stable")[:FAMILIES_PER_STREET]]
+        kept = order[np.argsort(arrival / size[order], kind="stable")[: settings.families_per_street]]
         home[street == number] = np.isin(family, kept)
     return home
 
 
 def _neighbouring_buildings(
-    ends: Float64Array, row: Int64Array, count: int
+    ends: Float64Array, row: Int64Array, count: int, settings: ExemplarChoiceSettings
 ) -> tuple[list[Int64Array], list[Float64Array]]:
-    """Return the neighbours of each building within NEIGHBOURHOOD_M, ascending, and their distances in metres."""
+    """Return the neighbours of each building within `neighbourhood_m`, ascending, and their distances in metres."""
     lines = shapely.linestrings(ends)
-    one, other = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=NEIGHBOURHOOD_M)
+    one, other = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=settings.neighbourhood_m)
     apart = row[one] != row[other]
     pairs = np.column_stack([row[one[apart]], row[other[apart]]])
     metres = shapely.distance(lines[one[apart]], lines[other[apart]])
@@ -204,7 +189,9 @@ def _neighbouring_buildings(
     return np.split(pairs[:, 1], cuts), np.split(metres, cuts)
 
 
-def _exceeds_share(chosen: Int64Array, width: Float64Array, own: int, near: Int64Array, count: int) -> BoolArray:
+def _exceeds_share(
+    chosen: Int64Array, width: Float64Array, own: int, near: Int64Array, count: int, settings: ExemplarChoiceSettings
+) -> BoolArray:
     """Return the exemplars (count,) that would cover too much of what has chosen near a building, never all of them.
 
     Parameters
@@ -217,19 +204,27 @@ def _exceeds_share(chosen: Int64Array, width: Float64Array, own: int, near: Int6
     has = near[chosen[near] >= 0]
     covered = np.bincount(chosen[has], width[has], count) + float(width[own])
     share = covered / (width[has].sum() + width[own])
-    is_more: BoolArray = share > max(MAX_EXEMPLAR_SHARE, SPARE_SHARE / count, float(share.min()))
+    is_more: BoolArray = share > max(settings.max_exemplar_share, settings.spare_share / count, float(share.min()))
     return is_more
 
 
-def _cheapest_exemplar(misfit: Float64Array, theirs: Int64Array, metres: Float64Array, library: ExemplarLibrary) -> int:
+def _cheapest_exemplar(
+    misfit: Float64Array,
+    theirs: Int64Array,
+    metres: Float64Array,
+    library: ExemplarLibrary,
+    settings: ExemplarChoiceSettings,
+) -> int:
     """Return the cheapest exemplar for a building, given those of its neighbours (-1: none yet) and their distances."""
     cost = misfit.copy()
     has = theirs >= 0
-    closeness = 1 - metres[has] / NEIGHBOURHOOD_M
+    closeness = 1 - metres[has] / settings.neighbourhood_m
     for exemplar, close in zip(theirs[has].tolist(), closeness.tolist(), strict=True):
-        cost[exemplar] = max(cost[exemplar], misfit[exemplar] + SAME_EXEMPLAR_COST * (1 + close))
+        cost[exemplar] = max(cost[exemplar], misfit[exemplar] + settings.same_exemplar_cost * (1 + close))
     if has.any():
         alike = np.exp(-(library.distance[theirs[has]] ** 2)) * closeness[:, None]
-        cost += SIMILAR_COST * alike.max(axis=0)
-        cost += SAME_FORM_COST * np.exp(-((library.form[theirs[has]] / FORM_DISTANCE) ** 2)).max(axis=0)
+        cost += settings.similar_cost * alike.max(axis=0)
+        cost += settings.same_form_cost * np.exp(-((library.form[theirs[has]] / settings.form_distance) ** 2)).max(
+            axis=0
+        )
     return int(np.argmin(cost))

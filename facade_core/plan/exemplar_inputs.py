@@ -11,7 +11,8 @@ from facade_core.core.arrays import Float64Array
 from facade_core.core.name_hash import hash_name
 from facade_core.core.types import Building
 from facade_core.plan.exemplar_choice import ExemplarTargetWalls
-from facade_core.plan.facades import MIN_FACADE_WIDTH_M, count_facade_floors
+from facade_core.plan.facades import count_facade_floors
+from facade_core.plan.settings import PLANNED_FACADES
 
 
 def target_walls_from_outlines(
@@ -31,7 +32,7 @@ def target_walls_from_outlines(
         rings = [part.exterior for part in shapely.get_parts(building.footprint).tolist()]
         edges = np.concatenate([_edges(np.asarray(ring.coords)[:, :2]) for ring in rings])
         width = np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1)
-        kept = (width >= MIN_FACADE_WIDTH_M) | (np.arange(len(width)) == width.argmax())
+        kept = (width >= PLANNED_FACADES.min_facade_width_m) | (np.arange(len(width)) == width.argmax())
         ends.append(edges[kept])
         owner.append(np.full(int(kept.sum()), row))
     walls = np.concatenate([np.zeros((0, 2, 2)), *ends])

@@ -10,14 +10,10 @@ import numpy as np
 
 from facade_core.core.arrays import Float64Array, Int64Array, UInt8Array
 from facade_core.core.labels import FacadeClass
+from facade_core.plan.settings import EXEMPLAR_STYLE
 
-# Exemplars per family, and families per library.
-FAMILY_SIZE = 5
-MAX_FAMILIES = 8
 # Clearly visible difference of each component of a style descriptor.
 _DESCRIPTOR_SCALES = np.array([12.0, 8.0, 10.0, 0.10, 0.35, 0.30, 0.06, 0.12, 3.0])
-# Leading components that describe the colour.
-_COLOUR_COMPONENTS = 3
 
 
 @dataclass(frozen=True)
@@ -52,7 +48,7 @@ class ExemplarLibrary:
     @cached_property
     def form(self) -> Float64Array:
         """Return the distances without the colour components, (k, k)."""
-        return self._descriptor_distances(_COLOUR_COMPONENTS)
+        return self._descriptor_distances(EXEMPLAR_STYLE.colour_components)
 
     def _descriptor_distances(self, first: int) -> Float64Array:
         looks = (np.asarray(self.descriptors, float).reshape(len(self.floors), -1) / _DESCRIPTOR_SCALES)[:, first:]
@@ -66,7 +62,7 @@ class ExemplarLibrary:
         from scipy.spatial.distance import squareform
 
         count = len(self.floors)
-        most = int(np.clip(round(count / FAMILY_SIZE), 1, MAX_FAMILIES))
+        most = int(np.clip(round(count / EXEMPLAR_STYLE.family_size), 1, EXEMPLAR_STYLE.max_families))
         if count < 2 or most < 2:
             return np.zeros(count, np.int64)
         tree = linkage(squareform(self.distance, checks=False), "average")

@@ -20,27 +20,7 @@ from facade_core.geometry.scene import Scene
 from facade_core.geometry.settings import FACADE_WALLS
 from facade_core.geometry.streets import Viewpoint
 from facade_core.geometry.walls import WallRole, group_walls_into_runs
-
-# Smallest street facade in metres, and share of it that the street sees.
-MIN_FACADE_WIDTH_M = 3.0
-MIN_FACADE_HEIGHT_M = 2.5
-MIN_SEEN_SHARE = 0.25
-# Texels per side; a smaller wall holds nothing to parse.
-MIN_FACADE_TEXELS = 16
-# Share of a wall off the streets without a neighbour against it.
-MIN_FREE_SHARE = 0.25
-# Sample points of a wall across and down.
-SAMPLES_PER_AXIS = (5, 4)
-# Probes of the surface below a wall's foot: metres before the wall, shares of its width, metres above the foot.
-FOOT_PROBE_DISTANCE_M = 0.5
-FOOT_PROBE_SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)
-FOOT_PROBE_HEIGHT_M = 1.0
-# Metres from the foot of a high wall down to the ground, for doors and shops.
-MAX_GROUND_DROP_M = 2.0
-# Floor height range in metres where levels are tagged, which can contradict the height; else FLOOR_HEIGHT_M.
-TAGGED_FLOOR_HEIGHT_M = (2.2, 6.0)
-# Metres from the outline of a building to walls inside its passages; outlines are simplified by less.
-OFF_OUTLINE_M = 0.25
+from facade_core.plan.settings import PLANNED_FACADES, FacadeSettings
 
 
 @dataclass(frozen=True)
@@ -113,6 +93,7 @@ def find_facades(
     floor_height: float,
     free_share: Float64Array,
     streets: Sequence[Street] = (),
+    settings: FacadeSettings = PLANNED_FACADES,
 ) -> Facades:
     """Find the facades of a block: walls that a street sees, and with `streets` all others with a free part.
 
@@ -125,31 +106,32 @@ def find_facades(
     floor_height : floor height in metres where levels are not tagged.
     free_share : (charts,) share of each chart without a neighbour against it.
     streets : all streets; empty restricts the result to walls that a street sees.
+    settings : numbers of the step.
     """
     charts = scene.charts
-    large = _is_large_wall(scene) & _is_upright_wall(scene, buildings)
-    free = free_wall_mask(scene, buildings, free_share) if streets else np.zeros(len(charts), bool)
+    large = _is_large_wall(scene, settings) & _is_upright_wall(scene, buildings, settings)
+    free = free_wall_mask(scene, buildings, free_share, settings=settings) if streets else np.zeros(len(charts), bool)
     runs = group_walls_into_runs(charts, np.flatnonzero(large | free))
     run, wide, along = np.arange(len(charts)), charts.size[:, 0].copy(), np.zeros(len(charts))
     for one in runs:
         ends = np.concatenate([[0.0], np.cumsum(charts.size[one, 0])])
         run[one], wide[one], along[one] = one[0], ends[-1], ends[:-1]
-    best, street = _best_visibility(scene, large | free, viewpoints, seen)
-    shown = best >= MIN_SEEN_SHARE
+    best, street = _best_visibility(scene, large | free, viewpoints, seen, settings)
+    shown = best >= settings.min_seen_share
     for one in runs:  # all facets of a round wall share one role
         shown[one] = shown[one].any() if streets else shown[one]
-    role = np.where(shown, np.where(wide >= MIN_FACADE_WIDTH_M, WallRole.STREET, WallRole.SIDE), WallRole.BACK).astype(
-        np.uint8
-    )
+    role = np.where(
+        shown, np.where(wide >= settings.min_facade_width_m, WallRole.STREET, WallRole.SIDE), WallRole.BACK
+    ).astype(np.uint8)
     chart = np.flatnonzero((large & (role == WallRole.STREET)) | free)
     if streets:
         street[chart] = _nearest_streets(charts, chart, street[chart], best[chart], streets)
     building = charts.building[chart]
     wall = _wall_numbers(charts)[chart]
     width, height = charts.size[chart].T
-    foot, eaves = _foot_and_eaves(charts, chart)
+    foot, eaves = _foot_and_eaves(charts, chart, settings)
     levels = [buildings[b].levels for b in building]
-    storeys = count_facade_floors(levels, eaves, floor_height)
+    storeys = count_facade_floors(levels, eaves, floor_height, settings=settings)
     _, first, of = np.unique(run[chart], return_index=True, return_inverse=True)
     return Facades(
         id=tuple(f"{buildings[b].id}-{w}" for b, w in zip(building, wall, strict=True)),
@@ -170,24 +152,32 @@ def find_facades(
         foot=foot,
         eaves=eaves,
         storeys=storeys,
-        raised=np.array([buildings[b].raised > 0 for b in building], bool) | _begins_above_ground(scene, chart, foot),
+        raised=np.array([buildings[b].raised > 0 for b in building], bool)
+        | _begins_above_ground(scene, chart, foot, settings),
         house=np.array([hash_name(buildings[b].whole_id) for b in building], np.int64),
         roofed=np.array([_has_modelled_roof(buildings[b]) for b in building], bool),
     )
 
 
-def free_wall_mask(scene: Scene, buildings: Sequence[Building], free_share: Float64Array) -> BoolArray:
+def free_wall_mask(
+    scene: Scene, buildings: Sequence[Building], free_share: Float64Array, settings: FacadeSettings = PLANNED_FACADES
+) -> BoolArray:
     """Return the walls at least a floor high with a free part, which are facades whether a street sees them or not.
 
     Parameters
     ----------
     scene, buildings, free_share : as of `find_facades`.
+    settings : numbers of the step.
 
     Returns
     -------
     (charts,) bool.
     """
-    return _is_tall_wall(scene.charts) & (free_share >= MIN_FREE_SHARE) & _is_upright_wall(scene, buildings)
+    return (
+        _is_tall_wall(scene.charts, settings)
+        & (free_share >= settings.min_free_share)
+        & _is_upright_wall(scene, buildings, settings)
+    )
 
 
 def whole_surface_mask(charts: Charts, chosen: BoolArray) -> BoolArray:
@@ -202,34 +192,37 @@ def whole_surface_mask(charts: Charts, chosen: BoolArray) -> BoolArray:
     return chosen & ~others[charts.surface]
 
 
-def _is_upright_wall(scene: Scene, buildings: Sequence[Building]) -> BoolArray:
+def _is_upright_wall(scene: Scene, buildings: Sequence[Building], settings: FacadeSettings) -> BoolArray:
     """Return the charts that are neither gables nor inside passages, (charts,)."""
-    return ~_is_gable(scene, buildings) & ~_is_inside_passage(scene.charts, buildings)
+    return ~_is_gable(scene, buildings) & ~_is_inside_passage(scene.charts, buildings, settings)
 
 
-def _is_large_wall(scene: Scene) -> BoolArray:
+def _is_large_wall(scene: Scene, settings: FacadeSettings) -> BoolArray:
     """Return the walls that are large enough to be parsed, (charts,)."""
     charts = scene.charts
     large = (
         (charts.kind == ChartKind.WALL)
-        & (charts.size[:, 0] >= MIN_FACADE_WIDTH_M)
-        & (charts.size[:, 1] >= MIN_FACADE_HEIGHT_M)
+        & (charts.size[:, 0] >= settings.min_facade_width_m)
+        & (charts.size[:, 1] >= settings.min_facade_height_m)
     )
     is_large_wall: BoolArray = large & (
-        charts.texels(scene.placement.texels_per_metre).min(axis=1) >= MIN_FACADE_TEXELS
+        charts.texels(scene.placement.texels_per_metre).min(axis=1) >= settings.min_facade_texels
     )
     return is_large_wall
 
 
-def _is_tall_wall(charts: Charts) -> BoolArray:
+def _is_tall_wall(charts: Charts, settings: FacadeSettings) -> BoolArray:
     """Return the walls at least a floor high, narrow ones and the facets of round ones included, (charts,)."""
-    tall, width = (charts.kind == ChartKind.WALL) & (charts.size[:, 1] >= MIN_FACADE_HEIGHT_M), charts.size[:, 0]
+    tall, width = (
+        (charts.kind == ChartKind.WALL) & (charts.size[:, 1] >= settings.min_facade_height_m),
+        charts.size[:, 0],
+    )
     is_wide = width >= FACADE_WALLS.min_wall_m
     facets = np.flatnonzero(
         tall & (width >= FACADE_WALLS.min_unrolled_facet_m) & (width < FACADE_WALLS.max_unrolled_facet_m)
     )
     for run in group_walls_into_runs(charts, facets) if not is_wide[facets].all() else ():
-        is_wide[run] |= width[run].sum() >= MIN_FACADE_WIDTH_M
+        is_wide[run] |= width[run].sum() >= settings.min_facade_width_m
     is_tall_wall: BoolArray = tall & is_wide
     return is_tall_wall
 
@@ -243,27 +236,34 @@ def _nearest_streets(
     return np.where(seen > 0, street, nearest).astype(np.int32)
 
 
-def _foot_and_eaves(charts: Charts, chart: Int64Array) -> tuple[Float64Array, Float64Array]:
+def _foot_and_eaves(charts: Charts, chart: Int64Array, settings: FacadeSettings) -> tuple[Float64Array, Float64Array]:
     """Return the foot of walls (k,) over the prevailing foot of their building, and the prevailing eaves over that, metres."""
     foot = charts.points_at_shares(chart, np.array([[0.0, 1.0]]))[:, 0, 2]
     top, width = charts.origin[chart, 2], charts.size[chart, 0]
     over, eaves = np.zeros(len(chart)), charts.size[chart, 1].copy()
     for own in group_rows(charts.building[chart]).values():
         base, end = (_prevailing_level(level[own], width[own]) for level in (foot, top))
-        if end - base >= MIN_FACADE_HEIGHT_M:
+        if end - base >= settings.min_facade_height_m:
             over[own], eaves[own] = foot[own] - base, end - base
     return np.where(np.abs(over) < FACADE_WALLS.level_tolerance_m, 0.0, over), eaves
 
 
-def _begins_above_ground(scene: Scene, chart: Int64Array, foot: Float64Array) -> BoolArray:
+def _begins_above_ground(scene: Scene, chart: Int64Array, foot: Float64Array, settings: FacadeSettings) -> BoolArray:
     """Return the walls (k,) above a roof, or a floor above the prevailing foot and without ground below."""
     charts = scene.charts
-    feet = charts.points_at_shares(chart, np.array([[share, 1.0] for share in FOOT_PROBE_SHARES]))
-    above = feet + FOOT_PROBE_DISTANCE_M * charts.normals()[chart][:, None] + [0.0, 0.0, FOOT_PROBE_HEIGHT_M]
+    feet = charts.points_at_shares(chart, np.array([[share, 1.0] for share in settings.foot_probe_shares]))
+    above = (
+        feet
+        + settings.foot_probe_distance_m * charts.normals()[chart][:, None]
+        + [0.0, 0.0, settings.foot_probe_height_m]
+    )
     distance, met = scene.caster.cast(above, np.broadcast_to([0.0, 0.0, -1.0], above.shape))
-    is_near, kind = (met != MISS) & (distance < FOOT_PROBE_HEIGHT_M + MAX_GROUND_DROP_M), charts.kind[met]
+    is_near, kind = (
+        (met != MISS) & (distance < settings.foot_probe_height_m + settings.max_ground_drop_m),
+        charts.kind[met],
+    )
     roofs, grounds = ((is_near & (kind == one)).mean(axis=1) > 0.5 for one in (ChartKind.ROOF, ChartKind.GROUND))
-    is_raised: BoolArray = roofs | ((foot > MIN_FACADE_HEIGHT_M) & ~grounds)
+    is_raised: BoolArray = roofs | ((foot > settings.min_facade_height_m) & ~grounds)
     return is_raised
 
 
@@ -296,7 +296,7 @@ def _is_gable(scene: Scene, buildings: Sequence[Building]) -> BoolArray:
     return is_gable
 
 
-def _is_inside_passage(charts: Charts, buildings: Sequence[Building]) -> BoolArray:
+def _is_inside_passage(charts: Charts, buildings: Sequence[Building], settings: FacadeSettings) -> BoolArray:
     """Return the walls inside the passages of buildings, which are no facades: (charts,)."""
     is_inside = np.zeros(len(charts), bool)
     opened = np.array([bool(building.passages) for building in buildings], bool)
@@ -304,19 +304,23 @@ def _is_inside_passage(charts: Charts, buildings: Sequence[Building]) -> BoolArr
     for chart in walls[opened[charts.building[walls]]].tolist():
         middle = shapely.Point(charts.points_at_shares(np.array([chart]), np.array([[0.5, 0.5]]))[0, 0, :2])
         footprint = buildings[charts.building[chart]].footprint
-        is_inside[chart] = footprint.contains(middle) and footprint.boundary.distance(middle) > OFF_OUTLINE_M
+        is_inside[chart] = footprint.contains(middle) and footprint.boundary.distance(middle) > settings.off_outline_m
     return is_inside
 
 
 def _best_visibility(
-    scene: Scene, candidate: BoolArray, cameras: Sequence[Viewpoint], seen: Sequence[Int32Array]
+    scene: Scene,
+    candidate: BoolArray,
+    cameras: Sequence[Viewpoint],
+    seen: Sequence[Int32Array],
+    settings: FacadeSettings,
 ) -> tuple[Float64Array, Int32Array]:
     """Return the largest share of each chart that one street sees, (charts,), and the first such street, 0 without.
 
     Every viewpoint looks at a grid of points on each candidate in its panorama.
     """
     charts = scene.charts
-    across, down = ((np.arange(n) + 0.5) / n for n in SAMPLES_PER_AXIS)
+    across, down = ((np.arange(n) + 0.5) / n for n in settings.samples_per_axis)
     grid = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
     best, best_street = np.zeros(len(charts)), np.zeros(len(charts), np.int32)
     in_order = sorted(zip(cameras, seen, strict=True), key=lambda one: one[0].street)
@@ -350,7 +354,9 @@ def _wall_numbers(charts: Charts) -> Int64Array:
     return number
 
 
-def count_facade_floors(levels: Sequence[int | None], height: Float64Array, floor_height: float) -> Int32Array:
+def count_facade_floors(
+    levels: Sequence[int | None], height: Float64Array, floor_height: float, settings: FacadeSettings = PLANNED_FACADES
+) -> Int32Array:
     """Count the floors of facades: tagged levels, else by the floor height, limited to what the height allows.
 
     Parameters
@@ -358,6 +364,7 @@ def count_facade_floors(levels: Sequence[int | None], height: Float64Array, floo
     levels : tagged levels, None where unknown.
     height : (n,) metres.
     floor_height : floor height in metres.
+    settings : numbers of the step.
 
     Returns
     -------
@@ -366,7 +373,8 @@ def count_facade_floors(levels: Sequence[int | None], height: Float64Array, floo
     tagged = np.array([count or 0 for count in levels], np.int64)
     floors = np.where(tagged > 0, tagged, np.maximum(1, np.round(height / floor_height))).astype(np.int32)
     low, high = (
-        np.where(tagged > 0, *limits) for limits in zip(TAGGED_FLOOR_HEIGHT_M, FACADE_WALLS.floor_height_m, strict=True)
+        np.where(tagged > 0, *limits)
+        for limits in zip(settings.tagged_floor_height_m, FACADE_WALLS.floor_height_m, strict=True)
     )
     most = np.maximum(1, np.floor(height / low))
     return np.clip(floors, np.minimum(np.ceil(height / high), most), most).astype(np.int32)

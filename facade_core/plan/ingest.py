@@ -39,9 +39,7 @@ from facade_core.plan.identity import (
 )
 from facade_core.plan.plan import FacadeSightings, Plan
 from facade_core.plan.posed_pictures import replace_panoramas
-
-# Metres from a viewpoint up to the ceiling of a passage.
-MIN_HEADROOM_M = 0.3
+from facade_core.plan.settings import HEADROOM
 
 
 @dataclass(frozen=True)
@@ -143,7 +141,7 @@ def build_scene_layout(
     )
     names = tuple(building.id for building in buildings)
     finishes = tuple(building.finish for building in buildings)
-    headroom = settings.viewpoint_height + MIN_HEADROOM_M
+    headroom = settings.viewpoint_height + HEADROOM.min_headroom_m
     obstacles = [footprint_without_headroom(building, terrain, headroom) for building in buildings]
     cameras = _place_cameras(
         streets, obstacles, terrain, spacing=settings.viewpoint_spacing, height=settings.viewpoint_height

@@ -14,11 +14,7 @@ from facade_core.geometry.scene import Scene
 from facade_core.geometry.walls import WallRole
 from facade_core.imagery.rectify.panorama import chart_point_view_quality, nearby_panoramas
 from facade_core.plan.facades import Facades
-
-# Quality (points_shown), relative to the best panorama, from which a panorama covers a point of a facade.
-MIN_RELATIVE_QUALITY = 0.5
-# Share of its visible points with which a facade is covered; slivers need no panorama of their own.
-MIN_COVERED_SHARE = 0.95
+from facade_core.plan.settings import PANORAMA_CHOICE, PanoramaChoiceSettings
 
 
 @dataclass(frozen=True)
@@ -43,7 +39,11 @@ class PanoramaChoice:
 
 
 def choose_panoramas(
-    scene: Scene, facades: Facades, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]]
+    scene: Scene,
+    facades: Facades,
+    poses: Sequence[Pose],
+    sizes: Sequence[tuple[int, int]],
+    settings: PanoramaChoiceSettings = PANORAMA_CHOICE,
 ) -> PanoramaChoice:
     """Choose panoramas so that every visible street facade is covered.
 
@@ -54,14 +54,15 @@ def choose_panoramas(
     ----------
     poses : poses of the panoramas.
     sizes : (rows, columns) of the panoramas.
+    settings : numbers of the step.
 
     References
     ----------
     Chvatal (1979), A greedy heuristic for the set-covering problem.
     """
     rows = np.flatnonzero(facades.role == WallRole.STREET)
-    points = _facade_points(scene, facades.chart[rows], poses, sizes)
-    needs = points.facade_sums(points.weight) * MIN_COVERED_SHARE
+    points = _facade_points(scene, facades.chart[rows], poses, sizes, settings)
+    needs = points.facade_sums(points.weight) * settings.min_covered_share
     has = np.zeros(len(rows))
     left = points.weight.copy()
     chosen: list[int] = []
@@ -81,7 +82,12 @@ def choose_panoramas(
 
 
 def coverage_area(
-    scene: Scene, facades: Facades, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]], panoramas: Sequence[int]
+    scene: Scene,
+    facades: Facades,
+    poses: Sequence[Pose],
+    sizes: Sequence[tuple[int, int]],
+    panoramas: Sequence[int],
+    settings: PanoramaChoiceSettings = PANORAMA_CHOICE,
 ) -> float:
     """Return the square metres of street facades that some panoramas cover.
 
@@ -90,8 +96,9 @@ def coverage_area(
     poses : poses of the panoramas.
     sizes : (rows, columns) of the panoramas.
     panoramas : indices of the panoramas to count.
+    settings : numbers of the step.
     """
-    points = _facade_points(scene, facades.chart[facades.role == WallRole.STREET], poses, sizes)
+    points = _facade_points(scene, facades.chart[facades.role == WallRole.STREET], poses, sizes, settings)
     return float(points.weight[points.coverage_counts(panoramas) > 0].sum())
 
 
@@ -126,7 +133,11 @@ class _FacadePoints:
 
 
 def _facade_points(
-    scene: Scene, charts: Int32Array, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]]
+    scene: Scene,
+    charts: Int32Array,
+    poses: Sequence[Pose],
+    sizes: Sequence[tuple[int, int]],
+    settings: PanoramaChoiceSettings,
 ) -> _FacadePoints:
     near = nearby_panoramas(scene, charts, poses)
     panorama, point, weight, facade = [], [], [], []
@@ -136,7 +147,7 @@ def _facade_points(
             scene, chart, [poses[i] for i in some.tolist()], [sizes[i] for i in some.tolist()]
         )
         best = shown.max(axis=0, initial=0.0)
-        row, column = np.nonzero((shown > 0) & (shown >= MIN_RELATIVE_QUALITY * best))
+        row, column = np.nonzero((shown > 0) & (shown >= settings.min_relative_quality * best))
         known = np.flatnonzero(best > 0)
         panorama.append(some[row])
         point.append(total + np.searchsorted(known, column))

@@ -8,19 +8,12 @@ from facade_core.core.arrays import BoolArray, Float64Array
 from facade_core.geometry.chart_packing import has_own_chunks
 from facade_core.geometry.charts import raster_sizes
 from facade_core.plan.plan import Plan
-
-# Steps of densities, and the largest, as multiples of the block's density.
-DENSITY_STEP = 0.25
-MAX_DENSITY_FACTOR = 2.0
-# Texels per metre up to which pictures raise a facade: a view of the street resolves 57 (`texel_density`).
-MAX_PICTURED_DENSITY = 48.0
-# Share of a facade that a picture must show to raise its density.
-MIN_SHOWN_SHARE = 0.5
-# Texels that pictures add to a building, as a multiple of those of its charts.
-MAX_ADDED_TEXELS = 1.0
+from facade_core.plan.settings import PICTURED_DENSITY, PicturedDensitySettings
 
 
-def pictured_density(plan: Plan, photos: Float64Array | None = None) -> Float64Array:
+def pictured_density(
+    plan: Plan, photos: Float64Array | None = None, settings: PicturedDensitySettings = PICTURED_DENSITY
+) -> Float64Array:
     """Compute the texel density of charts: by the streets, raised on facades to the resolution of their best picture.
 
     The facades of a building share a budget, in the order of resolution times shown share, so that a picture of one
@@ -30,6 +23,7 @@ def pictured_density(plan: Plan, photos: Float64Array | None = None) -> Float64A
     Parameters
     ----------
     photos : (facades,) pixels per metre of the photo of each facade, which is taken before its panoramas; 0 without one.
+    settings : numbers of the step.
 
     Returns
     -------
@@ -37,13 +31,13 @@ def pictured_density(plan: Plan, photos: Float64Array | None = None) -> Float64A
     """
     charts, facades, spec = plan.scene.charts, plan.facades, plan.scene.spec
     density, chart = plan.street_density.copy(), plan.facades.chart
-    step = DENSITY_STEP * spec.texels_per_metre
-    resolution, benefit = _best_pictures(plan)
+    step = settings.density_step * spec.texels_per_metre
+    resolution, benefit = _best_pictures(plan, settings)
     if photos is not None:
         resolution, benefit = (np.where(photos > 0, photos, of_panoramas) for of_panoramas in (resolution, benefit))
     side = charts.size[chart].max(axis=1, initial=0.0)
     most = np.minimum(
-        min(MAX_DENSITY_FACTOR * spec.texels_per_metre, MAX_PICTURED_DENSITY),
+        min(settings.max_density_factor * spec.texels_per_metre, settings.max_pictured_density),
         (spec.page - 2 * spec.gutter) / np.maximum(side, 1e-9),
     )
     wanted = np.where(_can_be_raised(plan), np.minimum(np.rint(resolution / step) * step, most), 0.0)
@@ -53,7 +47,7 @@ def pictured_density(plan: Plan, photos: Float64Array | None = None) -> Float64A
     run_area = np.bincount(facades.run, area[chart], len(chart))
     owned = charts.building >= 0
     texels = np.bincount(charts.building[owned], (area * density**2)[owned])
-    left = MAX_ADDED_TEXELS * texels
+    left = settings.max_added_texels * texels
     first = np.flatnonzero(wanted > density[chart])
     first = first[facades.run[first] == first]
     for run in first[np.lexsort([first, -benefit[first]])].tolist():
@@ -66,11 +60,11 @@ def pictured_density(plan: Plan, photos: Float64Array | None = None) -> Float64A
     return density
 
 
-def _best_pictures(plan: Plan) -> tuple[Float64Array, Float64Array]:
+def _best_pictures(plan: Plan, settings: PicturedDensitySettings) -> tuple[Float64Array, Float64Array]:
     """Return the pixels per metre of the finest picture of each facade, (facades,), and that times the share it shows."""
     seen = plan.sightings
     resolution, benefit = np.zeros(len(plan.facades)), np.zeros(len(plan.facades))
-    used = seen.seen >= MIN_SHOWN_SHARE
+    used = seen.seen >= settings.min_shown_share
     np.maximum.at(resolution, seen.facade[used], seen.pixels_per_metre[used])
     np.maximum.at(benefit, seen.facade[used], (seen.seen * seen.pixels_per_metre)[used])
     return resolution, benefit

@@ -20,11 +20,9 @@ from facade_core.geometry.walls import main_surface_mask
 from facade_core.imagery.panorama_camera import GROUND_REACH_M, WALL_REACH_M, camera_reach
 from facade_core.plan.facades import Facades
 from facade_core.plan.identity import SceneObjects, build_scene_objects
+from facade_core.plan.settings import PLANNING
 
 __all__ = ["FacadeSightings", "Facades", "Plan"]
-
-# Metres; refinement moves a pose by less.
-MAX_POSE_SHIFT_M = 3.0
 
 
 @dataclass(frozen=True)
@@ -164,7 +162,7 @@ class Plan:
 
     def _near_cameras(self, shapes: ObjectArray, reach: float) -> tuple[Int64Array, Int64Array]:
         """Return the pairs of a camera (k,) and a shape (k,) that it may show, by its reach and the change of its pose."""
-        limits = [camera_reach(pose, reach) + MAX_POSE_SHIFT_M for pose in self.poses]
+        limits = [camera_reach(pose, reach) + PLANNING.max_pose_shift_m for pose in self.poses]
         places = shapely.points([(pose.x, pose.y) for pose in self.poses])
         camera, near = shapely.STRtree(shapes).query(places, predicate="dwithin", distance=limits)
         return camera, near
@@ -184,7 +182,10 @@ class Plan:
         places = np.array([(pose.x, pose.y, pose.z) for pose in self.poses])
         of, row = self._near_cameras(charts.boxes[plain_charts], WALL_REACH_M)
         chart = plain_charts[row]
-        before = np.einsum("ij,ij->i", places[of] - charts.origin[chart], charts.normals()[chart]) > -MAX_POSE_SHIFT_M
+        before = (
+            np.einsum("ij,ij->i", places[of] - charts.origin[chart], charts.normals()[chart])
+            > -PLANNING.max_pose_shift_m
+        )
         found: dict[int, list[int]] = {}
         for one in np.unique(chart[before]).tolist():
             found.setdefault(int(charts.building[one]), []).append(one)

@@ -17,9 +17,7 @@ from facade_core.imagery.rectify.panorama import MAX_SIGHTING_DISTANCE_M, find_s
 from facade_core.plan.identity import chart_ids
 from facade_core.plan.pictured_density import pictured_density
 from facade_core.plan.plan import FacadeSightings, Plan
-
-# Share of a facade off the streets that a panorama must show to texture it.
-MIN_OFF_STREET_SHARE = 0.3
+from facade_core.plan.settings import POSED_PICTURES, PosedPictureSettings
 
 
 def replace_panoramas(
@@ -27,6 +25,7 @@ def replace_panoramas(
     poses: Sequence[Pose],
     sizes: Sequence[tuple[int, int]],
     previous: PreviousChartPlacements | None = None,
+    settings: PosedPictureSettings = POSED_PICTURES,
 ) -> Plan:
     """Return the plan with these panoramas, and facades at the density that they support.
 
@@ -35,8 +34,9 @@ def replace_panoramas(
     poses : poses of the panoramas, all with a height.
     sizes : (rows, columns) of the panoramas.
     previous : earlier placement; charts of the same size keep their places in the atlas.
+    settings : numbers of the step.
     """
-    sightings = _find_sightings(plan, poses, sizes)
+    sightings = _find_sightings(plan, poses, sizes, settings)
     return place_pictured_facades(replace(plan, poses=tuple(poses), sightings=sightings), previous)
 
 
@@ -69,7 +69,9 @@ def place_pictured_facades(
     return replace(plan, scene=scene, ids=ids)
 
 
-def _find_sightings(plan: Plan, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]]) -> FacadeSightings:
+def _find_sightings(
+    plan: Plan, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]], settings: PosedPictureSettings
+) -> FacadeSightings:
     scene, facades = plan.scene, plan.facades
     found = []
     for index, near in enumerate(nearby_panoramas(scene, facades.chart, poses)):
@@ -77,7 +79,7 @@ def _find_sightings(plan: Plan, poses: Sequence[Pose], sizes: Sequence[tuple[int
         if not of:
             continue
         on_street = facades.role[index] == WallRole.STREET
-        reach, least = (MAX_SIGHTING_DISTANCE_M, 0.0) if on_street else (WALL_REACH_M, MIN_OFF_STREET_SHARE)
+        reach, least = (MAX_SIGHTING_DISTANCE_M, 0.0) if on_street else (WALL_REACH_M, settings.min_off_street_share)
         shown = find_sightings(
             scene,
             chart,

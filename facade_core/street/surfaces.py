@@ -21,8 +21,9 @@ from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.contact_shadow import contact_light
 from facade_core.street.lighting.facade_light import relight_facade
 from facade_core.street.lighting.sun import apply_sunlight, sunlight_share
-from facade_core.street.materials.example_fill import MAX_FILL_M, fill_by_example
+from facade_core.street.materials.example_fill import fill_by_example
 from facade_core.street.materials.field import MaterialField
+from facade_core.street.materials.settings import EXAMPLE_FILL
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.translator.translators import pixel_footprint
 
@@ -260,7 +261,7 @@ def _extend_photos(
     LEVELLING_MARGIN_M around it. `materials` gives the kinds of ground, where pictures extend up to MAX_FILL_M; None
     treats the surface as one kind, where they extend without limit.
     """
-    max_distance_m = np.inf if materials is None else MAX_FILL_M
+    max_distance_m = np.inf if materials is None else EXAMPLE_FILL.max_fill_m
     density, size = float(scene.placement.texels_per_metre[chart]), (free.shape[0], free.shape[1])
     margin = round(LEVELLING_MARGIN_M * density)
     interior = (slice(margin, margin + size[0]), slice(margin, margin + size[1]))

@@ -15,7 +15,7 @@ from facade_core.core.arrays import Float64Array, Int64Array, ObjectArray
 from facade_core.core.types import Street
 from facade_core.geometry.settings import BLOCK_SURFACES, FACADE_WALLS, TEXEL_DENSITY
 from facade_core.geometry.texel_density import min_texel_density
-from facade_core.plan.facades import MIN_FACADE_HEIGHT_M, MIN_FREE_SHARE
+from facade_core.plan.settings import PLANNED_FACADES
 from tasks.city.picture_counts import count_exemplars, photo_megapixels
 from tasks.stages.ingest.planning import count_planned_units
 
@@ -178,7 +178,11 @@ class MapCounts:
         free = 1 - np.minimum(np.bincount(edge, against, minlength=len(edges)) / np.maximum(length, 1e-9), 1.0)
         density = np.where(free > TEXEL_DENSITY.max_party_wall_share, self._texels_per_m2(edges), self._coarsest**2)
         count = len(self._footprints)
-        is_facade = (free >= MIN_FREE_SHARE) & (length >= FACADE_WALLS.min_wall_m) & (height[of] >= MIN_FACADE_HEIGHT_M)
+        is_facade = (
+            (free >= PLANNED_FACADES.min_free_share)
+            & (length >= FACADE_WALLS.min_wall_m)
+            & (height[of] >= PLANNED_FACADES.min_facade_height_m)
+        )
         return (
             np.bincount(of, is_facade, minlength=count).astype(np.float64),
             np.bincount(of, length * height[of] * density, minlength=count).astype(np.float64),

@@ -11,7 +11,7 @@ from catalogs.published.report import ReportContent, ReportExemplar, write_repor
 from catalogs.published.snapshot import SnapshotFolder
 from facade_core.atlas.table_schema import TableValues
 from facade_core.geometry.walls import WALL_ROLES, WallRole
-from facade_core.plan.exemplar_choice import USUAL_SHADED_SHARE
+from facade_core.plan.settings import EXEMPLAR_CHOICE
 from tasks.engine.run import Run
 from tasks.publish.images import ReportImages
 from tasks.publish.item_rows import ItemRows, pose_height_change
@@ -72,7 +72,10 @@ def write_block_report(
             textures_only=images.textures_only,
             exemplars=[
                 ReportExemplar(
-                    {**record, "shaded": record["shaded"] if record["shaded"] > USUAL_SHADED_SHARE else 0},
+                    {
+                        **record,
+                        "shaded": record["shaded"] if record["shaded"] > EXEMPLAR_CHOICE.usual_shaded_share else 0,
+                    },
                     pictures=images.exemplars.get(record["unit"], ()),
                     used=used[record["unit"]],
                 )

@@ -11,14 +11,9 @@ from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.ground_floor import replace_shops_by_windows
 from facade_core.facade.texture.tint import tint_facade
 from facade_core.parsing.floor_structure import count_floors
-from facade_core.plan.exemplar_choice import (
-    MAX_EXEMPLAR_SHARE,
-    NEIGHBOURHOOD_M,
-    ExemplarTargetWalls,
-    choose_exemplars,
-    exemplar_choice_order,
-)
+from facade_core.plan.exemplar_choice import ExemplarTargetWalls, choose_exemplars, exemplar_choice_order
 from facade_core.plan.exemplar_style import ExemplarLibrary, style_descriptor
+from facade_core.plan.settings import EXEMPLAR_CHOICE
 
 # A house every 20 m on both sides of a street 18 m wide.
 STEP, ACROSS = 20.0, 18.0
@@ -67,7 +62,7 @@ def gap(walls: ExemplarTargetWalls, chosen: np.ndarray) -> float:
 def test_no_two_neighbours_take_one_exemplar() -> None:
     walls = row(60)
     chosen = choose_exemplars(walls, library(16), seed=3)
-    assert gap(walls, chosen) > NEIGHBOURHOOD_M
+    assert gap(walls, chosen) > EXEMPLAR_CHOICE.neighbourhood_m
     used = np.bincount(chosen, minlength=16)
     assert used.min() >= 1, "every exemplar is used"
     assert used.max() <= 8
@@ -105,7 +100,7 @@ def test_no_exemplar_covers_much_of_a_neighbourhood() -> None:
     chosen = choose_exemplars(walls, library(12), seed=3)
     share = np.bincount(chosen, walls.width, 12) / walls.width.sum()
     assert share[chosen[7]] < 120 / walls.width.sum(), "hardly anybody else takes that of the wide one"
-    assert np.sort(share)[-2] <= MAX_EXEMPLAR_SHARE
+    assert np.sort(share)[-2] <= EXEMPLAR_CHOICE.max_exemplar_share
 
 
 def test_a_wide_building_gets_the_best_exemplar() -> None:
@@ -189,7 +184,7 @@ def test_families_keep_their_shares_of_a_city() -> None:
 
 def test_what_is_far_away_changes_nothing() -> None:
     here = row(40)
-    far = row(20, start=2 * NEIGHBOURHOOD_M + 40 * STEP, number=500)
+    far = row(20, start=2 * EXEMPLAR_CHOICE.neighbourhood_m + 40 * STEP, number=500)
     alone = choose_exemplars(here, library(20), seed=5)
     np.testing.assert_array_equal(choose_exemplars(joined(here, far), library(20), seed=5)[:40], alone)
     turned = ExemplarTargetWalls(*(getattr(here, name)[::-1] for name in ExemplarTargetWalls.__dataclass_fields__))

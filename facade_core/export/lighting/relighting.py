@@ -36,8 +36,8 @@ from facade_core.geometry.daylight import MIN_DAYLIGHT
 from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.contact_shadow import contact_light
 from facade_core.street.lighting.sun import SKY_LIGHT, SUN_LIGHT, sunlight_share
-from facade_core.street.materials.field import MIN_OPEN_SKY
-from facade_core.street.materials.field_kernels import OCCLUSION_LOSS, SurfaceMaterial
+from facade_core.street.materials.field_kernels import SurfaceMaterial
+from facade_core.street.materials.settings import FIELD_KERNELS, MATERIAL_FIELD
 from facade_core.street.propagation.render import daylight_grey
 
 # Charts with cached maps: those of one building, which a shell reads repeatedly.
@@ -130,7 +130,7 @@ class _ChartRelighter:
         painted = (provenance > Provenance.UNSEEN) & (provenance <= Provenance.TRANSLATED)
         if painted.any():
             clear, left = self.sky_visibility(chart, shape), contact_light(self.scene, chart)
-            own = daylight_grey(self.scene.charts.normals()[chart]) * (1 - OCCLUSION_LOSS * (1 - clear))
+            own = daylight_grey(self.scene.charts.normals()[chart]) * (1 - FIELD_KERNELS.occlusion_loss * (1 - clear))
             own = own if left is None else own * left
             light = light * np.where(painted, own, np.float32(1))[..., None]
         pictured = provenance > Provenance.SYNTHESISED
@@ -153,7 +153,7 @@ class _ChartRelighter:
         daylight.compute([chart])
         rows, columns, first = int(daylight.rows[chart]), int(daylight.columns[chart]), int(daylight.start[chart])
         grid = daylight.light[first : first + rows * columns].reshape(rows, columns)
-        free = max(0.5 + 0.5 * float(self.scene.charts.normals()[chart, 2]), MIN_OPEN_SKY)
+        free = max(0.5 + 0.5 * float(self.scene.charts.normals()[chart, 2]), MATERIAL_FIELD.min_open_sky)
         grid = np.minimum((grid - MIN_DAYLIGHT) / (1 - MIN_DAYLIGHT) / free, 1).astype(np.float32)
         for axis in (0, 1):
             grid = _interpolate_axis(grid, axis, shape[axis])

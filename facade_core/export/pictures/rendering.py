@@ -18,7 +18,8 @@ from facade_core.export.pictures.camera import PerspectiveCamera
 from facade_core.export.pictures.settings import DRAWING_SETTINGS, DrawingSettings
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
-from facade_core.street.lighting.sky import HAZE_M, HORIZON_COLOUR, backdrop_colour
+from facade_core.street.lighting.settings import SKY_LOOK
+from facade_core.street.lighting.sky import HORIZON_COLOUR, backdrop_colour
 
 # Pixels per batch: few enough that temporary arrays stay below the size that malloc returns to the system
 # (`flows.memory`). Mapping new pages for every temporary array took half of the time.
@@ -106,7 +107,7 @@ class PictureInProgress:
         nearest = self.depth.min(initial=np.inf) if nearest is None else nearest
         drawn = self.rgb.copy().reshape(-1, 3)
         for some in np.array_split(np.arange(len(self.pixel)), 1 + len(self.pixel) // MAX_BATCH_PIXELS):
-            share = (1 - np.exp((nearest - self.depth[some]) / HAZE_M))[:, None].astype(np.float32)
+            share = (1 - np.exp((nearest - self.depth[some]) / SKY_LOOK.haze_m))[:, None].astype(np.float32)
             here = self.pixel[some]
             drawn[here] = (drawn[here] * (1 - share) + HORIZON_COLOUR.astype(np.float32) * share + 0.5).astype(np.uint8)
         return drawn.reshape(self.rgb.shape)

@@ -5,22 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from facade_core.core.arrays import AnyArray, Float32Array, Float64Array, UInt8Array
+from facade_core.street.lighting.settings import SKY_LOOK, SkySettings
 
 HORIZON_COLOUR = np.array([222.0, 231.0, 238.0])
 ZENITH_COLOUR = np.array([104.0, 151.0, 205.0])
 # Land far below the horizon.
 LAND_COLOUR = np.array([178.0, 184.0, 182.0])
-# At this distance two thirds of a colour are the horizon's.
-HAZE_M = 1500.0
-# Rows of roofs around the horizon, the farther first: number of houses, tangent of the lowest roof, range of the
-# tangents, share of haze.
-ROOFLINES = ((151, 0.050, 0.035, 0.66), (89, 0.026, 0.040, 0.42))
 HOUSE_COLOUR = np.array([148.0, 143.0, 134.0])
 ROOF_COLOUR = np.array([122.0, 98.0, 88.0])
-# Softness of edges (tangent).
-ROOFLINE_BLUR = 0.0025
-# Distance of the walls below the horizon (tangent), where the block's ground ends.
-MAX_WALL_DROP = 0.014
 
 
 def sky_colour(up: Float64Array) -> Float64Array:
@@ -42,7 +34,7 @@ def sky_colour(up: Float64Array) -> Float64Array:
     return colour
 
 
-def backdrop_colour(rays: Float64Array) -> Float64Array:
+def backdrop_colour(rays: Float64Array, settings: SkySettings = SKY_LOOK) -> Float64Array:
     """Compute the colour behind the block.
 
     Two rows of roofs in the haze close the horizon. They are not from a map but hashed from the direction.
@@ -50,6 +42,7 @@ def backdrop_colour(rays: Float64Array) -> Float64Array:
     Parameters
     ----------
     rays : (..., 3) unit directions.
+    settings : numbers of the step.
 
     Returns
     -------
@@ -57,17 +50,19 @@ def backdrop_colour(rays: Float64Array) -> Float64Array:
     """
     colour = sky_colour(rays[..., 2])
     slope = rays[..., 2] / np.maximum(np.hypot(rays[..., 0], rays[..., 1]), 1e-6)
-    below_roofs = (slope < max(lowest + higher for _, lowest, higher, _ in ROOFLINES)) & (
-        slope > -MAX_WALL_DROP - ROOFLINE_BLUR
+    below_roofs = (slope < max(lowest + higher for _, lowest, higher, _ in settings.rooflines)) & (
+        slope > -settings.max_wall_drop - settings.roofline_blur
     )
-    colour[below_roofs] = _add_rooflines(colour[below_roofs], rays[below_roofs], slope[below_roofs])
+    colour[below_roofs] = _add_rooflines(colour[below_roofs], rays[below_roofs], slope[below_roofs], settings)
     return colour
 
 
-def _add_rooflines(colour: Float64Array, rays: Float64Array, slope: Float64Array) -> Float64Array:
+def _add_rooflines(
+    colour: Float64Array, rays: Float64Array, slope: Float64Array, settings: SkySettings
+) -> Float64Array:
     """Add rows of roofs to colours (k, 3) in directions (k, 3) with slopes (k,)."""
     around = (np.arctan2(rays[:, 0], rays[:, 1]) / (2 * np.pi)) % 1.0
-    for row, (houses, lowest, higher, haze) in enumerate(ROOFLINES):
+    for row, (houses, lowest, higher, haze) in enumerate(settings.rooflines):
         position = around * houses
         house = np.minimum(position, houses - 1).astype(np.uint32)
         height = lowest + higher * _hash_numbers(house, 3 * row)
@@ -75,8 +70,8 @@ def _add_rooflines(colour: Float64Array, rays: Float64Array, slope: Float64Array
         height *= 1 - np.where(_hash_numbers(house, 3 * row + 1) < 0.5, 0.4 * np.abs(position - house - 0.5), 0.0)
         tone = HOUSE_COLOUR * (0.9 + 0.2 * _hash_numbers(house, 3 * row + 2))[:, None]
         tone[slope > 0.8 * height] = ROOF_COLOUR
-        covers = np.clip((height - slope) / ROOFLINE_BLUR, 0.0, 1.0) * np.clip(
-            1 + (slope + MAX_WALL_DROP) / ROOFLINE_BLUR, 0.0, 1.0
+        covers = np.clip((height - slope) / settings.roofline_blur, 0.0, 1.0) * np.clip(
+            1 + (slope + settings.max_wall_drop) / settings.roofline_blur, 0.0, 1.0
         )
         colour = colour + covers[:, None] * (tone + haze * (HORIZON_COLOUR - tone) - colour)
     return colour

@@ -8,22 +8,12 @@ from facade_core.core.arrays import Float32Array, Float64Array, FloatArray, UInt
 from facade_core.core.types import Sun
 from facade_core.geometry.charts import Charts
 from facade_core.geometry.scene import Scene
+from facade_core.street.lighting.settings import SUNLIGHT, SunSettings
 
-# Six times the sun's own radius, as through thin haze.
-DISK_RADIUS_DEG = 1.6
-DISK_RAYS = 9
-# Spacing of the ray origins; light is linear between them.
-SUN_CELL_M = 0.25
-# Distance of ray origins from the surface.
-RAY_LIFT_M = 0.04
-# Occluders beyond this distance cast no shadow.
-MAX_SHADOW_REACH_M = 150.0
 # Light of the sky alone, red, green and blue; shadows are cooler.
 SKY_LIGHT = np.array([0.75, 0.77, 0.81])
 # Light of the sun at normal incidence.
 SUN_LIGHT = np.array([0.79, 0.73, 0.63])
-# Rays per cast.
-RAY_BATCH = 1 << 19
 
 
 def sun_direction(sun: Sun) -> Float64Array:
@@ -32,16 +22,18 @@ def sun_direction(sun: Sun) -> Float64Array:
     return np.array([np.sin(azimuth) * np.cos(elevation), np.cos(azimuth) * np.cos(elevation), np.sin(elevation)])
 
 
-def sun_disk_rays(sun: Sun) -> Float64Array:
-    """Return unit directions (DISK_RAYS, 3) that cover the sun's disk evenly.
+def sun_disk_rays(sun: Sun, settings: SunSettings = SUNLIGHT) -> Float64Array:
+    """Return unit directions (`disk_rays`, 3) that cover the sun's disk evenly.
 
     They lie on a spiral of equal areas.
     """
     towards = sun_direction(sun)
     right = np.cross(towards, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
-    radius = np.tan(np.radians(DISK_RADIUS_DEG)) * np.sqrt((np.arange(DISK_RAYS) + 0.5) / DISK_RAYS)
-    angle = np.pi * (3 - np.sqrt(5)) * np.arange(DISK_RAYS)
+    radius = np.tan(np.radians(settings.disk_radius_deg)) * np.sqrt(
+        (np.arange(settings.disk_rays) + 0.5) / settings.disk_rays
+    )
+    angle = np.pi * (3 - np.sqrt(5)) * np.arange(settings.disk_rays)
     rays = (
         towards + np.outer(radius * np.cos(angle), right) + np.outer(radius * np.sin(angle), np.cross(right, towards))
     )
@@ -49,7 +41,7 @@ def sun_disk_rays(sun: Sun) -> Float64Array:
     return directions
 
 
-def sunlight_share(scene: Scene, chart: int, sun: Sun) -> Float32Array:
+def sunlight_share(scene: Scene, chart: int, sun: Sun, settings: SunSettings = SUNLIGHT) -> Float32Array:
     """Compute the share of sunlight (h, w) float32 on a chart.
 
     The share is the cosine of incidence where the sun is unoccluded, 0 in full shadow.
@@ -59,6 +51,7 @@ def sunlight_share(scene: Scene, chart: int, sun: Sun) -> Float32Array:
     scene : the block's geometry.
     chart : row of the chart.
     sun : position of the sun.
+    settings : numbers of the step.
     """
     import cv2
 
@@ -68,19 +61,19 @@ def sunlight_share(scene: Scene, chart: int, sun: Sun) -> Float32Array:
     cosine = float(normal @ sun_direction(sun))
     if cosine <= 0:
         return np.zeros((height, width), np.float32)
-    step = max(1, round(SUN_CELL_M * density))
+    step = max(1, round(settings.sun_cell_m * density))
     rows, columns = -(-height // step), -(-width // step)
     y, x = ((np.arange(n) + 0.5) * step / density for n in (rows, columns))
     x, y = np.minimum(x, charts.size[chart, 0]), np.minimum(y, charts.size[chart, 1])
     visible_share = np.empty((rows, columns), np.float32)
-    towards = sun_disk_rays(sun)
-    batch_rows = max(1, RAY_BATCH // (columns * DISK_RAYS))
+    towards = sun_disk_rays(sun, settings=settings)
+    batch_rows = max(1, settings.ray_batch // (columns * settings.disk_rays))
     for first in range(0, rows, batch_rows):
         batch = slice(first, first + batch_rows)
-        points = charts.points(chart, x[None, :], y[batch, None]) + RAY_LIFT_M * normal
-        rays = np.broadcast_to(towards, (*points.shape[:2], DISK_RAYS, 3))
+        points = charts.points(chart, x[None, :], y[batch, None]) + settings.ray_lift_m * normal
+        rays = np.broadcast_to(towards, (*points.shape[:2], settings.disk_rays, 3))
         depth, _ = scene.caster.cast(np.broadcast_to(points[:, :, None], rays.shape), rays)
-        visible_share[batch] = (depth > MAX_SHADOW_REACH_M).mean(axis=2)
+        visible_share[batch] = (depth > settings.max_shadow_reach_m).mean(axis=2)
     resized = cv2.resize(visible_share, (columns * step, rows * step), interpolation=cv2.INTER_LINEAR)
     return cosine * resized.reshape(rows * step, columns * step)[:height, :width]
 

@@ -14,37 +14,7 @@ from facade_core.facade.texture.label_expansion import choose_sources
 from facade_core.facade.texture.mosaic import fill_from_chosen_sources
 from facade_core.facade.texture.source_costs import UNUSABLE_PRICE, SourceCosts
 from facade_core.facade.texture.translations import correlate_masked
-
-# Greatest distance of filled ground from known texels.
-MAX_FILL_M = 3.5
-# Side of the cells that sources are chosen for; still resolves a joint between slabs.
-SOURCE_CELL_M = 0.2
-# Shortest translation; shorter ones repeat an object next to itself.
-MIN_TRANSLATION_M = 0.8
-# Larger structures count as shading, not texture.
-SHADING_SIGMA_M = 2.0
-# Radius around a hidden cell over which surroundings are compared.
-CONTEXT_M = 1.0
-MAX_TRANSLATIONS = 40
-# Share of the known cells that must overlap under a translation.
-MIN_OVERLAP_SHARE = 0.05
-# Power of the overlap share in the score.
-OVERLAP_EXPONENT = 0.25
-# Costs in units of the mean squared difference of two known cells: a source of another kind of ground, a source without
-# comparable surroundings, and each metre of distance.
-OTHER_KIND_COST = 2.0
-NO_EVIDENCE_COST = 1.0
-COST_PER_METRE = 0.01
-# Weight of NO_EVIDENCE_COST, as a share of the surroundings.
-EVIDENCE_PRIOR = 0.05
-# Cost of a seam per colour difference (0-1, three channels).
-SEAM_COST = 0.02
-# Rounds that fill from previously filled texels, beyond the reach of all translations.
-MAX_ROUNDS = 6
-# Narrower gaps are closed by inpainting.
-MAX_CRACK_M = 0.4
-# Smallest known area that serves as an example.
-MIN_EXAMPLE_M2 = 6.0
+from facade_core.street.materials.settings import EXAMPLE_FILL, ExampleFillSettings
 
 
 def fill_by_example(
@@ -53,7 +23,8 @@ def fill_by_example(
     fillable: BoolArray,
     kinds: UInt8Array,
     density: float,
-    max_distance_m: float = MAX_FILL_M,
+    max_distance_m: float = EXAMPLE_FILL.max_fill_m,
+    settings: ExampleFillSettings = EXAMPLE_FILL,
 ) -> tuple[UInt8Array, BoolArray]:
     """Fill unknown texels by example from known ones.
 
@@ -65,6 +36,7 @@ def fill_by_example(
     kinds : (h, w) uint8 kind of ground by the map.
     density : texels per metre.
     max_distance_m : greatest distance from known texels, metres.
+    settings : numbers of the step.
 
     Returns
     -------
@@ -73,22 +45,22 @@ def fill_by_example(
     import cv2
 
     nothing = np.zeros(known.shape, bool)
-    if known.sum() < MIN_EXAMPLE_M2 * density**2 or known.all():
+    if known.sum() < settings.min_example_m2 * density**2 or known.all():
         return image, nothing
     away = cv2.distanceTransform((~known).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)
     wanted = ~known & fillable & (away <= max_distance_m * density)
-    factor = max(1, round(SOURCE_CELL_M * density))
+    factor = max(1, round(settings.source_cell_m * density))
     out, done = image, known
-    for _ in range(MAX_ROUNDS):
+    for _ in range(settings.max_rounds):
         before = done
-        out, done = _copy_parts(out, done, wanted & ~done, kinds, factor, factor / density)
+        out, done = _copy_parts(out, done, wanted & ~done, kinds, factor, factor / density, settings)
         if (done | ~wanted).all() or (done == before).all():
             break
     filled = done & wanted
     if not filled.any():
         return image, nothing
     # sources are fitted to a texel, so that a few texels between parts stay empty
-    side = max(3, round(MAX_CRACK_M * density))
+    side = max(3, round(settings.max_crack_m * density))
     opened = cv2.morphologyEx((wanted & ~done).astype(np.uint8), cv2.MORPH_OPEN, np.ones((side, side), np.uint8)) > 0
     cracks = wanted & ~done & ~opened
     if cracks.any():
@@ -99,7 +71,13 @@ def fill_by_example(
 
 
 def _copy_parts(
-    image: UInt8Array, known: BoolArray, wanted: BoolArray, kind: UInt8Array, factor: int, step: float
+    image: UInt8Array,
+    known: BoolArray,
+    wanted: BoolArray,
+    kind: UInt8Array,
+    factor: int,
+    step: float,
+    settings: ExampleFillSettings,
 ) -> tuple[UInt8Array, BoolArray]:
     """Copy parts to the wanted texels that translations reach.
 
@@ -107,10 +85,10 @@ def _copy_parts(
     """
     small, clear, hidden, kinds = _reduce_to_cells(image, known, wanted, kind, factor)
     rows, columns = np.nonzero(hidden)
-    moves = _best_translations(small, clear, step) if len(rows) else np.zeros((0, 2), np.int64)
+    moves = _best_translations(small, clear, step, settings) if len(rows) else np.zeros((0, 2), np.int64)
     if not len(moves):
         return image, known
-    offers = _source_offers(small, clear, kinds, np.column_stack([rows, columns]), moves, step)
+    offers = _source_offers(small, clear, kinds, np.column_stack([rows, columns]), moves, step, settings)
     reachable = (offers.price < UNUSABLE_PRICE).any(axis=0)
     if not reachable.any():
         return image, known
@@ -125,9 +103,11 @@ def _copy_parts(
         ]
     )
     chosen = np.full(hidden.shape, -1)
-    chosen[cells[:, 0], cells[:, 1]] = choose_sources(offers, edges, _seam_costs(small, clear, cells, moves), SEAM_COST)
+    chosen[cells[:, 0], cells[:, 1]] = choose_sources(
+        offers, edges, _seam_costs(small, clear, cells, moves, settings), settings.seam_cost
+    )
     maps = np.column_stack([moves, np.zeros(len(moves), np.int64)])
-    return fill_from_chosen_sources(image, known, chosen, maps, factor, CONTEXT_M / step)
+    return fill_from_chosen_sources(image, known, chosen, maps, factor, settings.context_m / step)
 
 
 def _reduce_to_cells(
@@ -150,7 +130,7 @@ def _reduce_to_cells(
     return small, clear, hidden, np.pad(kind, pad, mode="edge")[factor // 2 :: factor, factor // 2 :: factor]
 
 
-def _best_translations(small: Float32Array, clear: BoolArray, step: float) -> Int64Array:
+def _best_translations(small: Float32Array, clear: BoolArray, step: float, settings: ExampleFillSettings) -> Int64Array:
     """Find translations (k, 2) in cells, down and right, under which the clear cells match best.
 
     Score: normalised correlation of detail, for all translations at once.
@@ -159,23 +139,33 @@ def _best_translations(small: Float32Array, clear: BoolArray, step: float) -> In
 
     height, width = clear.shape
     weight = clear.astype(np.float32)
-    sigma = SHADING_SIGMA_M / step
+    sigma = settings.shading_sigma_m / step
     local = cv2.GaussianBlur(small * weight[..., None], (0, 0), sigma)
     local = local / np.maximum(cv2.GaussianBlur(weight, (0, 0), sigma), 1e-4)[..., None]
     # colour and detail: kerbs and carriageway edges show in both
     detail = (small - 0.7 * local - 0.3 * small[clear].mean(axis=0)).mean(axis=2) * weight
     score, seen = correlate_masked(detail, clear, detail, clear)
     down, right = np.mgrid[-height + 1 : height, -width + 1 : width]
-    usable = (np.hypot(down, right) * step >= MIN_TRANSLATION_M) & (seen >= MIN_OVERLAP_SHARE * clear.sum())
+    usable = (np.hypot(down, right) * step >= settings.min_translation_m) & (
+        seen >= settings.min_overlap_share * clear.sum()
+    )
     # long translations overlap little and fit by chance more often
-    score = np.where(usable, score * np.clip(seen / clear.sum(), 0, 1) ** OVERLAP_EXPONENT, -1.0).astype(np.float32)
+    score = np.where(usable, score * np.clip(seen / clear.sum(), 0, 1) ** settings.overlap_exponent, -1.0).astype(
+        np.float32
+    )
     top = (score == cv2.dilate(score, np.ones((5, 5), np.uint8))) & usable
-    best = np.argsort(-score[top], kind="stable")[:MAX_TRANSLATIONS]
+    best = np.argsort(-score[top], kind="stable")[: settings.max_translations]
     return np.stack([down[top][best], right[top][best]], axis=1).astype(np.int64)
 
 
 def _source_offers(
-    small: Float32Array, clear: BoolArray, kinds: UInt8Array, cells: Int64Array, moves: Int64Array, step: float
+    small: Float32Array,
+    clear: BoolArray,
+    kinds: UInt8Array,
+    cells: Int64Array,
+    moves: Int64Array,
+    step: float,
+    settings: ExampleFillSettings,
 ) -> SourceCosts:
     """Compute colour and cost of every translation (k, 2) at cells (n, 2).
 
@@ -184,7 +174,7 @@ def _source_offers(
     import cv2
 
     usual = 2 * float(small[clear].var(axis=0).mean())
-    side = 2 * round(CONTEXT_M / step) + 1
+    side = 2 * round(settings.context_m / step) + 1
     price = np.full((len(moves), len(cells)), UNUSABLE_PRICE, np.float32)
     colour = np.zeros((len(moves), len(cells), 3), np.float32)
     for k, move in enumerate(moves):
@@ -194,11 +184,11 @@ def _source_offers(
         total, count = (
             cv2.blur(raster, (side, side), borderType=cv2.BORDER_CONSTANT) for raster in (error, comparable)
         )
-        near = (total + EVIDENCE_PRIOR * NO_EVIDENCE_COST * usual) / (count + EVIDENCE_PRIOR)
+        near = (total + settings.evidence_prior * settings.no_evidence_cost * usual) / (count + settings.evidence_prior)
         target, source = cells[inside], sources[inside]
         wrong = kinds[target[:, 0], target[:, 1]] != kinds[source[:, 0], source[:, 1]]
-        far = COST_PER_METRE * step * float(np.hypot(*move))
-        price[k, inside] = near[target[:, 0], target[:, 1]] + usual * (OTHER_KIND_COST * wrong + far)
+        far = settings.cost_per_metre * step * float(np.hypot(*move))
+        price[k, inside] = near[target[:, 0], target[:, 1]] + usual * (settings.other_kind_cost * wrong + far)
         colour[k, inside] = small[source[:, 0], source[:, 1]]
     return SourceCosts(price, colour)
 
@@ -223,7 +213,9 @@ def _translation_errors(small: Float32Array, clear: BoolArray, move: Int64Array)
     return error, comparable
 
 
-def _seam_costs(small: Float32Array, clear: BoolArray, cells: Int64Array, moves: Int64Array) -> Float32Array:
+def _seam_costs(
+    small: Float32Array, clear: BoolArray, cells: Int64Array, moves: Int64Array, settings: ExampleFillSettings
+) -> Float32Array:
     """Compute the cost (k, n) of the seam to clear neighbours under every translation."""
     cost = np.zeros((len(moves), len(cells)), np.float32)
     for offset in np.array([(0, 1), (0, -1), (1, 0), (-1, 0)]):
@@ -234,5 +226,7 @@ def _seam_costs(small: Float32Array, clear: BoolArray, cells: Int64Array, moves:
             both = rim & inside
             both[both] = clear[sources[both, 0], sources[both, 1]]
             a, b = neighbours[both], sources[both]
-            cost[k, both] += 2 * SEAM_COST * np.abs(small[a[:, 0], a[:, 1]] - small[b[:, 0], b[:, 1]]).sum(axis=1)
+            cost[k, both] += (
+                2 * settings.seam_cost * np.abs(small[a[:, 0], a[:, 1]] - small[b[:, 0], b[:, 1]]).sum(axis=1)
+            )
     return cost

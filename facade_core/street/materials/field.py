@@ -39,19 +39,11 @@ from facade_core.street.materials.roofs import (
     SHEET_METAL_PALETTE,
     SLATE_PALETTE,
 )
+from facade_core.street.materials.settings import MATERIAL_FIELD, FieldSettings
 from facade_core.street.materials.tiled_material import TiledMaterial
 from facade_core.street.propagation.render import daylight_grey
 from facade_core.street.propagation.sampling import DaylightGrids
 
-# Vertical component of a roof's normal, 15 degrees, above which tiles would leak.
-MAX_TILED_COSINE = 0.966
-# Vertical component, 3 degrees, above which few roofs are of sheet metal.
-MAX_SHEET_METAL_COSINE = 0.9986
-# Shares of these flat roofs.
-FLAT_FELT_SHARE = 0.6
-FLAT_GRAVEL_SHARE = 0.3
-# Vertical component, 6 degrees off the wall, below which a roof counts as a wall.
-MAX_WALL_COSINE = 0.1
 # Values of OpenStreetMap's roof:material; others count as not stated.
 ROOF_MATERIAL_TAGS = {
     SurfaceMaterial.SHEET_METAL: (
@@ -80,12 +72,6 @@ ROOF_MATERIAL_TAGS = {
     ),
     SurfaceMaterial.ROOF_GRAVEL: ("gravel", "grit", "pebbles"),
 }
-# Excess of green or blue over red that no tile has.
-MIN_COOL_EXCESS = 12
-# North component of a roof's normal above which it has moss.
-MIN_NORTH_COSINE = 0.25
-# Share of moss at the worst place of a roof.
-MAX_MOSS_SHARE = 0.55
 MATERIAL_GRAINS = {
     SurfaceMaterial.SHEET_METAL: GrainKind.METAL,
     SurfaceMaterial.ROOF_TILE: GrainKind.ROOF_TILES,
@@ -98,12 +84,6 @@ MATERIAL_GRAINS = {
     SurfaceMaterial.SOFFIT: GrainKind.PLASTER_FINE,
     SurfaceMaterial.METAL_FIXTURE: GrainKind.METAL,
 }
-# Share of plaster buildings with rough plaster.
-ROUGH_PLASTER_SHARE = 1 / 3
-# Texels per call of the kernel.
-PAINT_BATCH_TEXELS = 1 << 16
-# Lower bound of the open sky, for surfaces that face down.
-MIN_OPEN_SKY = 0.25
 
 
 class MaterialField:
@@ -220,8 +200,8 @@ class MaterialField:
         (k, 3) uint8.
         """
         out = np.empty((len(rows), 3), np.uint8)
-        for start in range(0, len(rows), PAINT_BATCH_TEXELS):
-            batch = slice(start, start + PAINT_BATCH_TEXELS)
+        for start in range(0, len(rows), MATERIAL_FIELD.paint_batch_texels):
+            batch = slice(start, start + MATERIAL_FIELD.paint_batch_texels)
             self._paint_texels(chart, rows[batch], columns[batch], out[batch])
         return out
 
@@ -250,8 +230,8 @@ class MaterialField:
         placement = self._scene.placement
         out = np.empty((int(placement.height[chart]), int(placement.width[chart]), 3), np.uint8)
         flat = out.reshape(-1, 3)
-        for start in range(0, len(flat), PAINT_BATCH_TEXELS):
-            part = flat[start : start + PAINT_BATCH_TEXELS]
+        for start in range(0, len(flat), MATERIAL_FIELD.paint_batch_texels):
+            part = flat[start : start + MATERIAL_FIELD.paint_batch_texels]
             rows, columns = np.divmod(np.arange(start, start + len(part)), out.shape[1])
             self._paint_texels(chart, rows, columns, part)
         return out
@@ -288,7 +268,9 @@ class MaterialField:
         return self.arrays._replace(ground=self._ground.build_arrays(charts)), lights
 
 
-def _build_surfaces(scene: Scene, seed: int, *, has_roof_picture: bool) -> ChartMaterials:
+def _build_surfaces(
+    scene: Scene, seed: int, *, has_roof_picture: bool, settings: FieldSettings = MATERIAL_FIELD
+) -> ChartMaterials:
     charts, mesh = scene.charts, scene.mesh
     vertex_chart = mesh.vertex_chart
     wall = charts.kind[vertex_chart] == ChartKind.WALL
@@ -310,20 +292,20 @@ def _build_surfaces(scene: Scene, seed: int, *, has_roof_picture: bool) -> Chart
     )[charts.kind]
     roof = charts.kind == ChartKind.ROOF
     # aerial models have steps between roofs as steep roofs, which carry no tiles
-    steep = roof & (np.abs(normal[:, 2]) < MAX_WALL_COSINE)
+    steep = roof & (np.abs(normal[:, 2]) < settings.max_wall_cosine)
     chart_material[steep] = SurfaceMaterial.PLASTER
     roof &= ~steep
     number = scene.building_hashes[charts.building]
-    chart_material[roof & (normal[:, 2] > MAX_TILED_COSINE)] = SurfaceMaterial.SHEET_METAL
-    level, draw = roof & (normal[:, 2] > MAX_SHEET_METAL_COSINE), kernels.hash_uniform_array(number, seed + 83)
-    chart_material[level & (draw < FLAT_FELT_SHARE + FLAT_GRAVEL_SHARE)] = SurfaceMaterial.ROOF_GRAVEL
-    chart_material[level & (draw < FLAT_FELT_SHARE)] = SurfaceMaterial.FELT
+    chart_material[roof & (normal[:, 2] > settings.max_tiled_cosine)] = SurfaceMaterial.SHEET_METAL
+    level, draw = roof & (normal[:, 2] > settings.max_sheet_metal_cosine), kernels.hash_uniform_array(number, seed + 83)
+    chart_material[level & (draw < settings.flat_felt_share + settings.flat_gravel_share)] = SurfaceMaterial.ROOF_GRAVEL
+    chart_material[level & (draw < settings.flat_felt_share)] = SurfaceMaterial.FELT
     if has_roof_picture:
         chart_material[roof] = SurfaceMaterial.ROOF_PICTURE
     if scene.finishes:
         bricks = np.array([finish.wall_material == "brick" for finish in scene.finishes])
         chart_material[(chart_material == SurfaceMaterial.PLASTER) & bricks[charts.building]] = SurfaceMaterial.BRICK
-        stated_roof = np.array([_stated_roof_material(finish) for finish in scene.finishes])[charts.building]
+        stated_roof = np.array([_stated_roof_material(finish, settings) for finish in scene.finishes])[charts.building]
         known = roof & (chart_material != SurfaceMaterial.ROOF_PICTURE) & (charts.building >= 0) & (stated_roof >= 0)
         chart_material[known] = stated_roof[known]
     grey = daylight_grey(normal)
@@ -366,23 +348,25 @@ def _build_surfaces(scene: Scene, seed: int, *, has_roof_picture: bool) -> Chart
     start[np.isin(charts.kind, (ChartKind.WINDOW, ChartKind.DOOR))] = 0.0
     frames = (charts.origin, charts.axis_u, charts.axis_v, charts.size)
     # sky above the horizon
-    sky = np.maximum(0.5 + 0.5 * normal[:, 2], MIN_OPEN_SKY)
+    sky = np.maximum(0.5 + 0.5 * normal[:, 2], settings.min_open_sky)
     examples = np.zeros(len(charts), np.int64)
     for material, example in MATERIAL_GRAINS.items():
         examples[chart_material == material] = example
     rendered = (chart_material == SurfaceMaterial.PLASTER) & (
-        kernels.hash_uniform_array(number, seed + 73) < ROUGH_PLASTER_SHARE
+        kernels.hash_uniform_array(number, seed + 73) < settings.rough_plaster_share
     )
     examples[rendered] = GrainKind.PLASTER_ROUGH
     mossy = np.where(
-        normal[:, 1] > MIN_NORTH_COSINE, MAX_MOSS_SHARE * kernels.hash_uniform_array(number, seed + 79), 0.0
+        normal[:, 1] > settings.min_north_cosine,
+        settings.max_moss_share * kernels.hash_uniform_array(number, seed + 79),
+        0.0,
     )
     return ChartMaterials(
         *frames, start, chart_material, tint * grey[:, None], grey, foot[charts.building], sky, examples, mossy
     )
 
 
-def _stated_roof_material(finish: BuildingFinish) -> int:
+def _stated_roof_material(finish: BuildingFinish, settings: FieldSettings) -> int:
     """Return the stated material of a roof, -1 if none is stated.
 
     A colour that no tile has means sheet metal.
@@ -392,6 +376,6 @@ def _stated_roof_material(finish: BuildingFinish) -> int:
             return material
     if finish.roof_material is None and finish.roof_colour is not None:
         red, green, blue = finish.roof_colour
-        if green > red + MIN_COOL_EXCESS or blue > red + MIN_COOL_EXCESS:
+        if green > red + settings.min_cool_excess or blue > red + settings.min_cool_excess:
             return SurfaceMaterial.SHEET_METAL
     return -1

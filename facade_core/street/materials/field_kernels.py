@@ -41,6 +41,7 @@ from facade_core.street.materials.roofs import (
     sheet_metal_tone,
     slate_tone,
 )
+from facade_core.street.materials.settings import FIELD_KERNELS
 from facade_core.street.materials.tiled_material import MipLevels, sample_mip_levels
 from facade_core.street.propagation.sampling import DaylightGrids, interpolate_light
 
@@ -61,16 +62,6 @@ class SurfaceMaterial(IntEnum):
     FELT = 10
     ROOF_GRAVEL = 11
     METAL_FIXTURE = 12
-
-
-# Share of a colour lost where no sky is visible.
-OCCLUSION_LOSS = 0.65
-# Roofs that fall less per metre count as flat; seams of sheets run north on them, else down the slope.
-MIN_ROOF_FALL = 0.05
-# Vertical component of axis_v above which a pane belongs to a roof.
-ROOF_PANE_AXIS_Z = -0.95
-# Points per batch.
-BATCH_POINTS = 256
 
 
 class ChartMaterials(NamedTuple):
@@ -167,11 +158,17 @@ def compute_point_colours(
     lights : soft daylight.
     out : (n, 3) uint8.
     """
-    points, side, batch = np.empty((3, BATCH_POINTS)), np.empty(BATCH_POINTS), np.empty((BATCH_POINTS, 3), np.uint8)
+    points, side, batch = (
+        np.empty((3, FIELD_KERNELS.batch_points)),
+        np.empty(FIELD_KERNELS.batch_points),
+        np.empty((FIELD_KERNELS.batch_points, 3), np.uint8),
+    )
     start = 0
     while start < len(order):
         current, count = chart[order[start]], 0
-        while count < BATCH_POINTS and start + count < len(order) and chart[order[start + count]] == current:
+        while (
+            count < FIELD_KERNELS.batch_points and start + count < len(order) and chart[order[start + count]] == current
+        ):
             k = order[start + count]
             for axis in range(3):
                 points[axis, count] = places[k, axis]
@@ -223,7 +220,7 @@ def _colour_batch(
         clear = (interpolate_light(x[k] / size[0], y[k] / size[1], place, columns, rows, grid) - MIN_DAYLIGHT) / (
             1 - MIN_DAYLIGHT
         )
-        light[k] = 1 - OCCLUSION_LOSS * max(1 - clear / charts.open_sky[c], 0.0)
+        light[k] = 1 - FIELD_KERNELS.occlusion_loss * max(1 - clear / charts.open_sky[c], 0.0)
     for k in range(n):
         x[k], y[k] = x[k] + start[0], y[k] + start[1]
         east[k], north[k] = points[0, k], points[1, k]
@@ -243,7 +240,7 @@ def _colour_batch(
     if material == SurfaceMaterial.GLASS:
         glass_reflection(x, y, size[1], side, seed, tone)
         frame_share(x, y, size[0], size[1], side, other)
-        frame = FLASHING_COLOUR if axis_v[2] > ROOF_PANE_AXIS_Z else FRAME_COLOUR
+        frame = FLASHING_COLOUR if axis_v[2] > FIELD_KERNELS.roof_pane_axis_z else FRAME_COLOUR
         for k in range(n):
             for band in range(3):
                 pane = GLASS_COLOUR[band] + tone[k] * (REFLECTED_SKY_COLOUR[band] - GLASS_COLOUR[band])
@@ -251,7 +248,7 @@ def _colour_batch(
         return
     mixed, share = MORTAR_COLOUR, 0.0
     if material in (SurfaceMaterial.SHEET_METAL, SurfaceMaterial.FELT, SurfaceMaterial.ROOF_GRAVEL):
-        if abs(axis_v[2]) < MIN_ROOF_FALL:
+        if abs(axis_v[2]) < FIELD_KERNELS.min_roof_fall:
             x, y = east, north
         if material == SurfaceMaterial.SHEET_METAL:
             sheet_metal_tone(x, y, side, seed, tone)

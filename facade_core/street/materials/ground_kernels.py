@@ -17,28 +17,11 @@ from facade_core.street.materials.procedural import (
     GroundSurface,
     ground_tone,
 )
+from facade_core.street.materials.settings import GROUND_KERNELS
 
-KERB_M = 0.18
-KERB_GREY = 164.0
-GUTTER_M = 0.3
-# Share of its tone that a gutter loses.
-GUTTER_LOSS = 0.12
 # Tones of marks, and their opacity.
 MARK_TONES = np.array([70.0, 62.0, 58.0, 168.0, 214.0])
 MARK_COVERAGE = np.array([0.45, 0.7, 0.9, 0.9, 0.85])
-# Distance of leaves from a kerb.
-LEAF_REACH_M = 0.5
-# A cell has at most one leaf.
-LEAF_CELL_M = 0.1
-# Share of cells with a leaf in the densest patch.
-MAX_LEAF_SHARE = 0.22
-# Side of a patch of equal density, cells.
-LEAF_PATCH_CELLS = 24
-# Longest side of a leaf.
-LEAF_LENGTH_M = 0.07
-# What takes a whole `Drawn` is inlined: counting the references of its arrays at every call takes a third of the time.
-# Distance of a wheel track from the middle of its lane.
-WHEEL_OFFSET_M = 0.85
 
 
 @njit(cache=True)
@@ -185,6 +168,7 @@ def _uniform_surface(cell: int, drawn: GroundTileArrays) -> int:
     return int(drawn.roads[start, 6]) if end > start else GroundSurface.ASPHALT.value
 
 
+# What takes a whole `Drawn` is inlined: counting the references of its arrays at every call takes a third of the time.
 @njit(cache=True, error_model="numpy", forceinline=True)
 def _road_frame(
     cell: int,
@@ -224,7 +208,7 @@ def _road_frame(
     along[k], across[k] = px * dx + py * dy, py * dx - px * dy
     lane = frames[nearest, 8]
     turn = (across[k] - kept[3]) / lane
-    aside[k] = 1.7 + abs(abs(turn - np.floor(turn) - 0.5) * lane - WHEEL_OFFSET_M)
+    aside[k] = 1.7 + abs(abs(turn - np.floor(turn) - 0.5) * lane - GROUND_KERNELS.wheel_offset_m)
     return nearest
 
 
@@ -308,14 +292,14 @@ def _add_carriageway(
         weight[int(frames[nearest, 6]) if nearest >= 0 else GroundSurface.ASPHALT.value] += left
     if abs(outside) >= EDGE_REACH_M:
         return
-    gutter = _overlap_share(-GUTTER_M, 0.0, outside, wide) * GUTTER_LOSS
+    gutter = _overlap_share(-GROUND_KERNELS.gutter_m, 0.0, outside, wide) * GROUND_KERNELS.gutter_loss
     lip = _overlap_share(-0.03, 0.0, outside, wide) * 0.5
     if gutter + lip > 0:
         for surface in range(len(weight)):
             weight[surface] *= 1 - gutter - lip
-    stone = _overlap_share(0.0, KERB_M, outside, wide)
+    stone = _overlap_share(0.0, GROUND_KERNELS.kerb_m, outside, wide)
     if stone > 0:
-        over[k] = over[k] * (1 - stone) + stone * KERB_GREY
+        over[k] = over[k] * (1 - stone) + stone * GROUND_KERNELS.kerb_grey
         hidden[k] = hidden[k] * (1 - stone) + stone
 
 
@@ -325,29 +309,38 @@ def _leaf_share(px: float, py: float, wide: float, outside: float, seed: int) ->
 
     outside: distance from the kerb, metres.
     """
-    near = 1 - abs(outside) / LEAF_REACH_M
-    if near <= 0 or wide > 2 * LEAF_CELL_M:  # a larger footprint would show no single leaf
+    near = 1 - abs(outside) / GROUND_KERNELS.leaf_reach_m
+    if near <= 0 or wide > 2 * GROUND_KERNELS.leaf_cell_m:  # a larger footprint would show no single leaf
         return 0.0
     row_seed, share = np.uint64(seed + 89) * SEED_FACTOR, 0.0
-    left, right = int(np.floor((px - 0.5 * wide) / LEAF_CELL_M)), int(np.floor((px + 0.5 * wide) / LEAF_CELL_M))
-    first, last = int(np.floor((py - 0.5 * wide) / LEAF_CELL_M)), int(np.floor((py + 0.5 * wide) / LEAF_CELL_M))
+    left, right = (
+        int(np.floor((px - 0.5 * wide) / GROUND_KERNELS.leaf_cell_m)),
+        int(np.floor((px + 0.5 * wide) / GROUND_KERNELS.leaf_cell_m)),
+    )
+    first, last = (
+        int(np.floor((py - 0.5 * wide) / GROUND_KERNELS.leaf_cell_m)),
+        int(np.floor((py + 0.5 * wide) / GROUND_KERNELS.leaf_cell_m)),
+    )
     for row in range(first, last + 1):
         for column in range(left, right + 1):
             density = hash_to_uniform(
-                np.uint64(column // LEAF_PATCH_CELLS) * COLUMN_FACTOR
-                + hash_cell_row(row // LEAF_PATCH_CELLS, row_seed + np.uint64(1))
+                np.uint64(column // GROUND_KERNELS.leaf_patch_cells) * COLUMN_FACTOR
+                + hash_cell_row(row // GROUND_KERNELS.leaf_patch_cells, row_seed + np.uint64(1))
             )
             h = np.uint64(column) * COLUMN_FACTOR + hash_cell_row(row, row_seed)
-            if hash_to_uniform(h) > MAX_LEAF_SHARE * near * density * density:
+            if hash_to_uniform(h) > GROUND_KERNELS.max_leaf_share * near * density * density:
                 continue
             u, v, turn = (
                 hash_to_uniform(h + np.uint64(1)),
                 hash_to_uniform(h + np.uint64(2)),
                 hash_to_uniform(h + np.uint64(3)),
             )
-            across, down = LEAF_LENGTH_M * (0.45 + 0.55 * turn), LEAF_LENGTH_M * (1.0 - 0.55 * turn)
-            x0 = (column + u * (1 - across / LEAF_CELL_M)) * LEAF_CELL_M - px
-            y0 = (row + v * (1 - down / LEAF_CELL_M)) * LEAF_CELL_M - py
+            across, down = (
+                GROUND_KERNELS.leaf_length_m * (0.45 + 0.55 * turn),
+                GROUND_KERNELS.leaf_length_m * (1.0 - 0.55 * turn),
+            )
+            x0 = (column + u * (1 - across / GROUND_KERNELS.leaf_cell_m)) * GROUND_KERNELS.leaf_cell_m - px
+            y0 = (row + v * (1 - down / GROUND_KERNELS.leaf_cell_m)) * GROUND_KERNELS.leaf_cell_m - py
             share += _overlap_share(x0, x0 + across, 0.0, wide) * _overlap_share(y0, y0 + down, 0.0, wide)
     return min(share, 1.0)
 

@@ -15,6 +15,7 @@ from facade_core.core.numba_cache import njit
 from facade_core.core.types import SURFACES
 from facade_core.street.materials.grain import GrainKind, GrainTables, add_grain
 from facade_core.street.materials.patterns import add_noise, add_piece_tones, running_bond_stone_share, stripe_share
+from facade_core.street.materials.settings import PROCEDURAL
 
 # Muted Nordic plasters.
 PLASTER_PALETTE = np.array(
@@ -80,21 +81,6 @@ REFLECTED_SKY_COLOUR = np.array([176.0, 198.0, 220.0])
 # Frame of an upright pane, and of one in a roof.
 FRAME_COLOUR = np.array([206.0, 204.0, 198.0])
 FLASHING_COLOUR = np.array([70.0, 72.0, 76.0])
-FRAME_M = 0.065
-# Panes from this width on have a post in the middle.
-MIN_WIDTH_WITH_POST_M = 0.8
-POST_M = 0.06
-# Width and length of a slab, and of an endless board.
-SLAB_M = (0.6, 0.4)
-BOARD_M = (0.12, 1e9)
-# Streaks below a wall's upper edge, splashes above its foot.
-STREAK_LENGTH_M = 5.0
-SPLASH_HEIGHT_M = 1.2
-# Width across the street and length of a sett.
-SETT_M = (0.21, 0.15)
-# Length of a brick and height of a course, with joints.
-BRICK_M = (0.25, 0.078)
-JOINT_M = 0.011
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -127,8 +113,8 @@ def paving_tone(x: Float64Array, y: Float64Array, side: Float64Array, seed: int,
     out[:] = 148
     for number, cell in enumerate((0.2, 1.5, 6.0)):
         add_noise(x, y, side, (cell, cell), 10 / 3, seed + 3 + number, out)
-    add_piece_tones(x, y, side, SLAB_M, 14.0, seed + 11, out)
-    across, down = 1 / SLAB_M[0], 1 / SLAB_M[1]
+    add_piece_tones(x, y, side, PROCEDURAL.slab_m, 14.0, seed + 11, out)
+    across, down = 1 / PROCEDURAL.slab_m[0], 1 / PROCEDURAL.slab_m[1]
     for k in range(len(x)):
         column, row, wide, high = x[k] * across, y[k] * down, side[k] * across, side[k] * down
         clear = running_bond_stone_share(column, row, wide, high, 0.04, across, down)
@@ -160,19 +146,19 @@ def add_rain_weathering(
     top, foot = np.inf, np.inf
     for k in range(len(x)):
         top, foot = min(top, below[k]), min(foot, above[k])
-    if top < STREAK_LENGTH_M:
+    if top < PROCEDURAL.streak_length_m:
         add_noise(x, y, side, (0.16, 5.0), 0.5, seed + 97, near)
         add_noise(x, y, side, (0.5, 9.0), 0.5, seed + 98, near)
         for k in range(len(x)):
-            run = max(1 - max(below[k], 0.0) / STREAK_LENGTH_M, 0.0)
+            run = max(1 - max(below[k], 0.0) / PROCEDURAL.streak_length_m, 0.0)
             out[k] -= 0.3 * max(near[k] - 0.12, 0.0) * run * run * run
-    if foot < SPLASH_HEIGHT_M:
+    if foot < PROCEDURAL.splash_height_m:
         for k in range(len(x)):
             near[k] = 0.25
         add_noise(x, y, side, (0.45, 0.3), 0.5, seed + 99, near)
         add_noise(x, y, side, (2.2, 4.0), 0.5, seed + 100, near)
         for k in range(len(x)):
-            wet = max(1 - max(above[k], 0.0) / SPLASH_HEIGHT_M, 0.0)
+            wet = max(1 - max(above[k], 0.0) / PROCEDURAL.splash_height_m, 0.0)
             out[k] -= 0.26 * max(near[k], 0.0) * wet * wet
 
 
@@ -222,11 +208,11 @@ def brick_tone(
     out : (n,) output tones.
     """
     plaster_tone(x, y, above, side, seed, out)
-    add_piece_tones(x, y, side, BRICK_M, 0.34, seed + 53, out)
-    across, down = 1 / BRICK_M[0], 1 / BRICK_M[1]
+    add_piece_tones(x, y, side, PROCEDURAL.brick_m, 0.34, seed + 53, out)
+    across, down = 1 / PROCEDURAL.brick_m[0], 1 / PROCEDURAL.brick_m[1]
     for k in range(len(x)):
         column, row, wide, high = x[k] * across, y[k] * down, side[k] * across, side[k] * down
-        mortar[k] = 1 - running_bond_stone_share(column, row, wide, high, JOINT_M, across, down)
+        mortar[k] = 1 - running_bond_stone_share(column, row, wide, high, PROCEDURAL.joint_m, across, down)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -264,10 +250,10 @@ def frame_share(
     side : (n,) footprints, metres.
     out : (n,) output share.
     """
-    post = 0.5 * POST_M if wide > MIN_WIDTH_WITH_POST_M else -1e9
+    post = 0.5 * PROCEDURAL.post_m if wide > PROCEDURAL.min_width_with_post_m else -1e9
     for k in range(len(x)):
-        across = (min(x[k], wide - x[k]) - FRAME_M) / side[k] + 0.5
-        down = (min(y[k], high - y[k]) - FRAME_M) / side[k] + 0.5
+        across = (min(x[k], wide - x[k]) - PROCEDURAL.frame_m) / side[k] + 0.5
+        down = (min(y[k], high - y[k]) - PROCEDURAL.frame_m) / side[k] + 0.5
         post_clear = (abs(x[k] - 0.5 * wide) - post) / side[k] + 0.5
         clear = min(max(across, 0.0), 1.0) * min(max(down, 0.0), 1.0) * min(max(post_clear, 0.0), 1.0)
         out[k] = 1 - clear
@@ -277,9 +263,9 @@ def frame_share(
 def door_boards_tone(x: Float64Array, y: Float64Array, side: Float64Array, seed: int, out: Float64Array) -> None:
     """Write tones of a door of upright boards, 0.12 m wide."""
     for k in range(len(x)):
-        out[k] = 1 - 0.35 * stripe_share(x[k] / BOARD_M[0], side[k] / BOARD_M[0], -0.06, 0.12)
+        out[k] = 1 - 0.35 * stripe_share(x[k] / PROCEDURAL.board_m[0], side[k] / PROCEDURAL.board_m[0], -0.06, 0.12)
     add_noise(x, y, side, (0.02, 0.6), 0.08, seed + 41, out)
-    add_piece_tones(x, y, side, BOARD_M, 0.24, seed + 43, out)
+    add_piece_tones(x, y, side, PROCEDURAL.board_m, 0.24, seed + 43, out)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -327,8 +313,8 @@ def setts_tone(x: Float64Array, y: Float64Array, side: Float64Array, seed: int, 
     out[:] = 140
     add_noise(y, x, side, (1.1, 1.1), 5.0, seed + 62, out)
     add_noise(y, x, side, (6.0, 6.0), 7.0, seed + 63, out)
-    add_piece_tones(y, x, side, SETT_M, 30.0, seed + 64, out)
-    right, up = 1 / SETT_M[0], 1 / SETT_M[1]
+    add_piece_tones(y, x, side, PROCEDURAL.sett_m, 30.0, seed + 64, out)
+    right, up = 1 / PROCEDURAL.sett_m[0], 1 / PROCEDURAL.sett_m[1]
     for k in range(len(x)):
         column, row, wide, high = y[k] * right, x[k] * up, side[k] * right, side[k] * up
         out[k] *= 0.68 + 0.32 * running_bond_stone_share(column, row, wide, high, 0.024, right, up)

@@ -7,29 +7,17 @@ import numpy as np
 from facade_core.core.arrays import Float32Array, Float64Array, UInt8Array
 from facade_core.core.labels import FacadeClass
 from facade_core.core.numba_cache import njit
-
-# Inward depth of openings; outward depth of balcony slabs and sills.
-OPENING_DEPTH_M = 0.15
-BALCONY_DEPTH_M = 0.45
-SILL_DEPTH_M = 0.07
-BALCONY_SLAB_HEIGHT_M = 0.25
-SILL_HEIGHT_M = 0.07
-# Length of a shadow per depth of its caster.
-MAX_SHADOW_RATIO = 2.5
-# Softness of a shadow's edge at the caster, and its growth per metre from there.
-EDGE_WIDTH_M = 0.012
-EDGE_SPREAD = 0.12
-# Window that a texel's brightness is compared with, to detect a painted shadow.
-SHADE_WINDOW_M = 1.6
+from facade_core.street.materials.settings import RELIEF, RELIEF_KERNELS, ReliefSettings
 
 
-def relief_depth(labels: UInt8Array, density: float) -> Float32Array:
+def relief_depth(labels: UInt8Array, density: float, settings: ReliefSettings = RELIEF) -> Float32Array:
     """Compute the depth of a facade's texels.
 
     Parameters
     ----------
     labels : (h, w) class id.
     density : texels per metre.
+    settings : numbers of the step.
 
     Returns
     -------
@@ -37,13 +25,13 @@ def relief_depth(labels: UInt8Array, density: float) -> Float32Array:
     """
     depth = np.where(
         np.isin(labels, (FacadeClass.WINDOW, FacadeClass.DOOR, FacadeClass.SHOP, FacadeClass.BALCONY)),
-        np.float32(-OPENING_DEPTH_M),
+        np.float32(-settings.opening_depth_m),
         np.float32(0),
     )
     wall = labels == FacadeClass.WALL
     for name, high, out in (
-        (FacadeClass.BALCONY, BALCONY_SLAB_HEIGHT_M, BALCONY_DEPTH_M),
-        (FacadeClass.WINDOW, SILL_HEIGHT_M, SILL_DEPTH_M),
+        (FacadeClass.BALCONY, settings.balcony_slab_height_m, settings.balcony_depth_m),
+        (FacadeClass.WINDOW, settings.sill_height_m, settings.sill_depth_m),
     ):
         here, rows = labels == name, max(1, round(high * density))
         if name == FacadeClass.BALCONY:  # its lowest rows
@@ -54,7 +42,12 @@ def relief_depth(labels: UInt8Array, density: float) -> Float32Array:
 
 
 def relief_shadow_share(
-    colour: UInt8Array, labels: UInt8Array, density: float, towards: Float64Array, dark: float
+    colour: UInt8Array,
+    labels: UInt8Array,
+    density: float,
+    towards: Float64Array,
+    dark: float,
+    settings: ReliefSettings = RELIEF,
 ) -> Float32Array:
     """Compute the share of sunlight that a facade's relief blocks, (h, w) float32 in 0..1.
 
@@ -67,15 +60,16 @@ def relief_shadow_share(
     density : texels per metre.
     towards : (3,) direction to the sun along the chart's width, down and outward.
     dark : brightness of shadow relative to full light.
+    settings : numbers of the step.
     """
     import cv2
 
-    depth = relief_depth(labels, density)
-    right, down = np.clip(towards[:2] / towards[2], -MAX_SHADOW_RATIO, MAX_SHADOW_RATIO)
+    depth = relief_depth(labels, density, settings=settings)
+    right, down = np.clip(towards[:2] / towards[2], -settings.max_shadow_ratio, settings.max_shadow_ratio)
     traced = _trace_shadows(depth, float(right), float(down), float(density))
     shadow = np.asarray(cv2.blur(traced, (3, 3)), np.float32)
     grey = cv2.cvtColor(np.ascontiguousarray(colour), cv2.COLOR_RGB2GRAY).astype(np.float32)
-    side = 2 * round(SHADE_WINDOW_M * density / 2) + 1
+    side = 2 * round(settings.shade_window_m * density / 2) + 1
     recessed = depth < 0
     for level in (recessed, ~recessed):
         weight = level.astype(np.float32)
@@ -108,7 +102,10 @@ def _trace_shadows(depth: Float32Array, right: float, down: float, density: floa
                 y, x = row + round(rise * down * density), column + round(rise * right * density)
                 if y < 0 or y >= height or x < 0 or x >= width:
                     break
-                shade = max(shade, (depth[y, x] - receiver - rise) / (EDGE_WIDTH_M + EDGE_SPREAD * rise))
+                shade = max(
+                    shade,
+                    (depth[y, x] - receiver - rise) / (RELIEF_KERNELS.edge_width_m + RELIEF_KERNELS.edge_spread * rise),
+                )
                 rise += step
             shadow[row, column] = min(shade, 1.0)
     return shadow

@@ -12,6 +12,7 @@ from facade_core.core.arrays import Float64Array
 from facade_core.core.hash_uniform import COLUMN_FACTOR, SEED_FACTOR, hash_cell_row, hash_to_uniform
 from facade_core.core.numba_cache import njit
 from facade_core.street.materials.patterns import add_noise, add_piece_tones, running_bond_stone_share, stripe_share
+from facade_core.street.materials.settings import ROOF_MATERIALS
 
 # Muted Nordic roofs: sheet metal, clay, slate, bitumen felt and gravel.
 SHEET_METAL_PALETTE = np.array([[92, 74, 66], [104, 106, 108], [72, 78, 80], [122, 82, 66], [86, 96, 88]], np.float64)
@@ -21,35 +22,18 @@ FELT_PALETTE = np.array([[82, 80, 78], [98, 95, 91], [70, 70, 71], [104, 106, 10
 ROOF_GRAVEL_PALETTE = np.array([[132, 126, 116], [118, 114, 106], [146, 137, 122]], np.float64)
 # Colour of a tone of 1.
 MOSS_COLOUR = np.array([82.0, 88.0, 54.0])
-# Width and visible length of a roof tile.
-TILE_M = (0.24, 0.34)
-# Width of a sheet of metal.
-SHEET_M = 0.6
-# Width and visible length of a slate.
-SLATE_M = (0.25, 0.2)
-SLATE_GAP_M = 0.008
-# Width and length of a sheet of roofing felt.
-FELT_M = (1.0, 8.0)
-FELT_LAP_M = 0.05
-# Cells, and the share of them with a patch.
-PATCH_CELL_M = 5.0
-PATCH_SHARE = 0.3
-# Noise cells and weights of the water depth.
-POOL_CELLS_M = (5.3, 2.2, 0.7)
-POOL_WEIGHTS = (0.7, 0.36, 0.12)
-# Depth at the shore of a pool, and its range.
-SHORE_DEPTH = 0.3
-SHORE_WIDTH = 0.16
-# Mean share of a roof under pools, and at their shores.
-MEAN_POOL_SHARE = 0.146
-MEAN_SHORE_SHARE = 0.073
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def sheet_metal_tone(x: Float64Array, y: Float64Array, side: Float64Array, seed: int, out: Float64Array) -> None:
     """Write tones of a sheet-metal roof with standing seams every 0.6 m."""
     for k in range(len(x)):
-        out[k] = 1 - 0.12 * stripe_share(x[k] / SHEET_M, side[k] / SHEET_M, -0.04 / SHEET_M, 0.08 / SHEET_M)
+        out[k] = 1 - 0.12 * stripe_share(
+            x[k] / ROOF_MATERIALS.sheet_m,
+            side[k] / ROOF_MATERIALS.sheet_m,
+            -0.04 / ROOF_MATERIALS.sheet_m,
+            0.08 / ROOF_MATERIALS.sheet_m,
+        )
     add_noise(x, y, side, (0.8, 0.8), 0.05, seed + 7, out)
     add_noise(x, y, side, (5.0, 5.0), 0.05, seed + 8, out)
 
@@ -57,7 +41,7 @@ def sheet_metal_tone(x: Float64Array, y: Float64Array, side: Float64Array, seed:
 @njit(cache=True, nogil=True, error_model="numpy")
 def roof_tile_tone(x: Float64Array, y: Float64Array, side: Float64Array, seed: int, out: Float64Array) -> None:
     """Write tones of a clay tile roof with rows that overlap down the slope."""
-    across, down = 1 / TILE_M[0], 1 / TILE_M[1]
+    across, down = 1 / ROOF_MATERIALS.tile_m[0], 1 / ROOF_MATERIALS.tile_m[1]
     for k in range(len(x)):
         column, row, wide, high = x[k] * across, y[k] * down, side[k] * across, side[k] * down
         # a cubic wave, nearly a cosine: highest in a tile's middle, shifted by half a tile in odd rows
@@ -68,7 +52,7 @@ def roof_tile_tone(x: Float64Array, y: Float64Array, side: Float64Array, seed: i
         square = min(wide * wide, 1.0)
         wave *= (1 - square) * (1 - 0.6449 * square + 0.19 * square * square)
         out[k] = 1 + 0.05 * (1 - 2 * even) * wave - 0.22 * stripe_share(row, high, 0.86, 0.14)
-    add_piece_tones(x, y, side, TILE_M, 0.10, seed + 23, out)
+    add_piece_tones(x, y, side, ROOF_MATERIALS.tile_m, 0.10, seed + 23, out)
     add_noise(x, y, side, (0.8, 0.8), 0.04, seed + 29, out)
     add_noise(x, y, side, (5.0, 5.0), 0.04, seed + 30, out)
 
@@ -79,11 +63,11 @@ def slate_tone(x: Float64Array, y: Float64Array, side: Float64Array, seed: int, 
     out[:] = 1.0
     add_noise(x, y, side, (1.6, 1.1), 0.06, seed + 91, out)
     add_noise(x, y, side, (6.0, 6.0), 0.06, seed + 92, out)
-    add_piece_tones(x, y, side, SLATE_M, 0.34, seed + 93, out)
-    across, down = 1 / SLATE_M[0], 1 / SLATE_M[1]
+    add_piece_tones(x, y, side, ROOF_MATERIALS.slate_m, 0.34, seed + 93, out)
+    across, down = 1 / ROOF_MATERIALS.slate_m[0], 1 / ROOF_MATERIALS.slate_m[1]
     for k in range(len(x)):
         column, row, wide, high = x[k] * across, y[k] * down, side[k] * across, side[k] * down
-        clear = running_bond_stone_share(column, row, wide, high, SLATE_GAP_M, across, down)
+        clear = running_bond_stone_share(column, row, wide, high, ROOF_MATERIALS.slate_gap_m, across, down)
         out[k] *= (0.62 + 0.38 * clear) * (1 - 0.2 * stripe_share(row, high, 0.9, 0.1))
 
 
@@ -93,13 +77,13 @@ def felt_tone(x: Float64Array, y: Float64Array, side: Float64Array, seed: int, o
     out[:] = 1.0
     add_noise(x, y, side, (1.7, 1.7), 0.04, seed + 95, out)
     add_noise(x, y, side, (6.0, 6.0), 0.05, seed + 96, out)
-    add_piece_tones(y, x, side, (FELT_M[1], FELT_M[0]), 0.11, seed + 101, out)
+    add_piece_tones(y, x, side, (ROOF_MATERIALS.felt_m[1], ROOF_MATERIALS.felt_m[0]), 0.11, seed + 101, out)
     add_repair_patches(x, y, side, seed + 102, out)
     add_pool_stains(x, y, side, seed + 105, out)
-    across, down = 1 / FELT_M[1], 1 / FELT_M[0]
+    across, down = 1 / ROOF_MATERIALS.felt_m[1], 1 / ROOF_MATERIALS.felt_m[0]
     for k in range(len(x)):
         clear = running_bond_stone_share(
-            y[k] * across, x[k] * down, side[k] * across, side[k] * down, FELT_LAP_M, across, down
+            y[k] * across, x[k] * down, side[k] * across, side[k] * down, ROOF_MATERIALS.felt_lap_m, across, down
         )
         out[k] *= 0.84 + 0.16 * clear
 
@@ -121,16 +105,16 @@ def add_repair_patches(x: Float64Array, y: Float64Array, side: Float64Array, see
     """
     row_seed = np.uint64(seed) * SEED_FACTOR
     for k in range(len(x)):
-        u, v = x[k] / PATCH_CELL_M, y[k] / PATCH_CELL_M
+        u, v = x[k] / ROOF_MATERIALS.patch_cell_m, y[k] / ROOF_MATERIALS.patch_cell_m
         column, row = np.floor(u), np.floor(v)
         h = np.uint64(np.int64(column)) * COLUMN_FACTOR + hash_cell_row(row, row_seed)
-        has_patch = np.float64(hash_to_uniform(h) < PATCH_SHARE)
+        has_patch = np.float64(hash_to_uniform(h) < ROOF_MATERIALS.patch_share)
         wide, long = 0.12 + 0.3 * hash_to_uniform(h + np.uint64(1)), 0.1 + 0.25 * hash_to_uniform(h + np.uint64(2))
         left, low = (
             0.1 + (0.8 - wide) * hash_to_uniform(h + np.uint64(3)),
             0.1 + (0.8 - long) * hash_to_uniform(h + np.uint64(4)),
         )
-        size = side[k] / PATCH_CELL_M
+        size = side[k] / ROOF_MATERIALS.patch_cell_m
         u, v = u - column, v - row
         overlap_u = max(min(u + 0.5 * size, left + wide) - max(u - 0.5 * size, left), 0.0)
         overlap_v = max(min(v + 0.5 * size, low + long) - max(v - 0.5 * size, low), 0.0)
@@ -148,13 +132,21 @@ def add_pool_stains(x: Float64Array, y: Float64Array, side: Float64Array, seed: 
     """
     depth = np.zeros(len(x))
     for number in range(3):
-        add_noise(x, y, side, (POOL_CELLS_M[number], POOL_CELLS_M[number]), POOL_WEIGHTS[number], seed + number, depth)
+        add_noise(
+            x,
+            y,
+            side,
+            (ROOF_MATERIALS.pool_cells_m[number], ROOF_MATERIALS.pool_cells_m[number]),
+            ROOF_MATERIALS.pool_weights[number],
+            seed + number,
+            depth,
+        )
     for k in range(len(x)):
-        wet = min(max((depth[k] - SHORE_DEPTH) / SHORE_WIDTH, 0.0), 1.0)
+        wet = min(max((depth[k] - ROOF_MATERIALS.shore_depth) / ROOF_MATERIALS.shore_width, 0.0), 1.0)
         fine = min(max(2.0 - 2.0 * side[k], 0.0), 1.0)
         pooled, shore = (
-            MEAN_POOL_SHARE + fine * (wet - MEAN_POOL_SHARE),
-            MEAN_SHORE_SHARE + fine * (4 * wet * (1 - wet) - MEAN_SHORE_SHARE),
+            ROOF_MATERIALS.mean_pool_share + fine * (wet - ROOF_MATERIALS.mean_pool_share),
+            ROOF_MATERIALS.mean_shore_share + fine * (4 * wet * (1 - wet) - ROOF_MATERIALS.mean_shore_share),
         )
         out[k] += 0.09 * shore - 0.1 * pooled
 

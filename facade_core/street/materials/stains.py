@@ -7,28 +7,12 @@ import numpy as np
 from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, UInt8Array
 from facade_core.core.labels import FacadeClass
 from facade_core.street.materials.patterns import add_noise
-
-# Wavelengths of the bands. A band is the difference of two Gaussians, with sigmas as shares of its wavelength.
-BANDS_M = (0.7, 2.6)
-KEPT_SIGMA = 0.16
-REMOVED_SIGMA = 0.32
-# Target deviation of plain wall in each band, relative to its brightness: between the first quartile and the median of
-# rectified photographs of CMP. At the median walls look cloudy, because photographs also contain stucco and shadows.
-PHOTO_DEVIATIONS = (0.0186, 0.0189)
-NOISE_CELLS_M = (0.35, 1.3)
-# Deviation in each band per weight of each noise.
-NOISE_DEVIATIONS = ((0.146, 0.083), (0.035, 0.15))
-# Samples per metre.
-STAIN_DENSITY = 8.0
-# Margin around other classes, whose edges would count as variation.
-EDGE_MARGIN_M = 0.35
-# Share of wall in a sample that counts as wall.
-MIN_WALL_SHARE = 0.99
-# Samples that are needed for a deviation.
-MIN_PLACES = 150
+from facade_core.street.materials.settings import STAINS, StainSettings
 
 
-def wall_brightness_deviations(grey: UInt8Array, wall: BoolArray, density: float) -> tuple[float, ...] | None:
+def wall_brightness_deviations(
+    grey: UInt8Array, wall: BoolArray, density: float, settings: StainSettings = STAINS
+) -> tuple[float, ...] | None:
     """Compute the relative variation of plain wall in each band.
 
     It is half the span from the 16th to the 84th percentile.
@@ -38,6 +22,7 @@ def wall_brightness_deviations(grey: UInt8Array, wall: BoolArray, density: float
     grey : (h, w) uint8.
     wall : (h, w) bool.
     density : texels per metre.
+    settings : numbers of the step.
 
     Returns
     -------
@@ -45,37 +30,42 @@ def wall_brightness_deviations(grey: UInt8Array, wall: BoolArray, density: float
     """
     import cv2
 
-    size = [max(1, round(side * STAIN_DENSITY / density)) for side in wall.shape[::-1]]
+    size = [max(1, round(side * settings.stain_density / density)) for side in wall.shape[::-1]]
     share = cv2.resize(wall.astype(np.float32), size, interpolation=cv2.INTER_AREA)
     light = cv2.resize(np.where(wall, grey, 0).astype(np.float32), size, interpolation=cv2.INTER_AREA)
-    reach = 2 * round(EDGE_MARGIN_M * STAIN_DENSITY) + 1
-    known = cv2.erode((share > MIN_WALL_SHARE).astype(np.uint8), np.ones((reach, reach), np.uint8)) > 0
+    reach = 2 * round(settings.edge_margin_m * settings.stain_density) + 1
+    known = cv2.erode((share > settings.min_wall_share).astype(np.uint8), np.ones((reach, reach), np.uint8)) > 0
     light, share = (
-        np.where(known, light / np.maximum(share, MIN_WALL_SHARE), 0).astype(np.float32),
+        np.where(known, light / np.maximum(share, settings.min_wall_share), 0).astype(np.float32),
         known.astype(np.float32),
     )
-    if known.sum() < MIN_PLACES:
+    if known.sum() < settings.min_places:
         return None
     mean, deviations = float(light[known].mean()), []
-    for band in BANDS_M:
+    for band in settings.bands_m:
         kept, removed = (
-            cv2.GaussianBlur(light, (0, 0), part * band * STAIN_DENSITY)
-            / np.maximum(cv2.GaussianBlur(share, (0, 0), part * band * STAIN_DENSITY), 1e-6)
-            for part in (KEPT_SIGMA, REMOVED_SIGMA)
+            cv2.GaussianBlur(light, (0, 0), part * band * settings.stain_density)
+            / np.maximum(cv2.GaussianBlur(share, (0, 0), part * band * settings.stain_density), 1e-6)
+            for part in (settings.kept_sigma, settings.removed_sigma)
         )
         low, high = np.percentile((kept - removed)[known] / max(mean, 1.0), (16, 84))
         deviations.append(float(high - low) / 2)
     return tuple(deviations)
 
 
-def stain_weights(deviations: tuple[float, ...] | None) -> Float64Array:
+def stain_weights(deviations: tuple[float, ...] | None, settings: StainSettings = STAINS) -> Float64Array:
     """Compute the noise weights (2,) that raise a wall's deviations to those of photographs."""
-    lacks = np.maximum(np.square(PHOTO_DEVIATIONS) - np.square(deviations or (0.0, 0.0)), 0.0)
-    return np.sqrt(np.maximum(np.linalg.solve(np.square(NOISE_DEVIATIONS).T, lacks), 0.0))
+    lacks = np.maximum(np.square(settings.photo_deviations) - np.square(deviations or (0.0, 0.0)), 0.0)
+    return np.sqrt(np.maximum(np.linalg.solve(np.square(settings.noise_deviations).T, lacks), 0.0))
 
 
 def stain_tones(
-    colour: UInt8Array, labels: UInt8Array, density: float, start: tuple[float, float], seed: int
+    colour: UInt8Array,
+    labels: UInt8Array,
+    density: float,
+    start: tuple[float, float],
+    seed: int,
+    settings: StainSettings = STAINS,
 ) -> Float32Array:
     """Compute the tones of stains on a facade.
 
@@ -86,22 +76,26 @@ def stain_tones(
     density : texels per metre.
     start : upper left corner of the facade in its plane, metres.
     seed : random seed.
+    settings : numbers of the step.
 
     Returns
     -------
-    (rows, columns) float32 about 1, STAIN_DENSITY per metre, half a step inside the border.
+    (rows, columns) float32 about 1, `stain_density` per metre, half a step inside the border.
     """
     import cv2
 
     grey = np.asarray(cv2.cvtColor(np.ascontiguousarray(colour), cv2.COLOR_RGB2GRAY), np.uint8)
-    rows, columns = (max(2, int(np.ceil(side / density * STAIN_DENSITY))) for side in labels.shape)
-    step = 1 / STAIN_DENSITY
+    rows, columns = (max(2, int(np.ceil(side / density * settings.stain_density))) for side in labels.shape)
+    step = 1 / settings.stain_density
     x, y = np.meshgrid(start[0] + step * (np.arange(columns) + 0.5), start[1] + step * (np.arange(rows) + 0.5))
     tone, side = np.ones(rows * columns), np.full(rows * columns, step)
     for number, (cell, weight) in enumerate(
         zip(
-            NOISE_CELLS_M,
-            stain_weights(wall_brightness_deviations(grey, labels == FacadeClass.WALL, density)).tolist(),
+            settings.noise_cells_m,
+            stain_weights(
+                wall_brightness_deviations(grey, labels == FacadeClass.WALL, density, settings=settings),
+                settings=settings,
+            ).tolist(),
             strict=True,
         )
     ):

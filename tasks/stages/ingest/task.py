@@ -22,11 +22,11 @@ from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.streets import street_predecessors
 from facade_core.geometry.walls import WallRole
-from facade_core.plan.facades import MIN_FACADE_HEIGHT_M, MIN_FACADE_TEXELS, MIN_FACADE_WIDTH_M
 from facade_core.plan.identity import ParallelMap, map_in_this_process
 from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan, write_plan
 from facade_core.plan.posed_pictures import place_pictured_facades
+from facade_core.plan.settings import PLANNED_FACADES
 from tasks.engine.outline import PlanSummary
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.engine.run import Run
@@ -135,13 +135,21 @@ def explain_missing_street_facades(plan: Plan) -> list[str]:
         return []
     charts = plan.scene.charts
     wall = charts.kind == ChartKind.WALL
-    small = wall & ((charts.size[:, 0] < MIN_FACADE_WIDTH_M) | (charts.size[:, 1] < MIN_FACADE_HEIGHT_M))
-    coarse = wall & ~small & (charts.texels(plan.scene.placement.texels_per_metre).min(axis=1) < MIN_FACADE_TEXELS)
+    small = wall & (
+        (charts.size[:, 0] < PLANNED_FACADES.min_facade_width_m)
+        | (charts.size[:, 1] < PLANNED_FACADES.min_facade_height_m)
+    )
+    coarse = (
+        wall
+        & ~small
+        & (charts.texels(plan.scene.placement.texels_per_metre).min(axis=1) < PLANNED_FACADES.min_facade_texels)
+    )
     unseen = int(wall.sum() - small.sum() - coarse.sum())
     return [
-        f"none of the {wall.sum()} walls is a facade: {small.sum()} are under {MIN_FACADE_WIDTH_M:g} x "
-        f"{MIN_FACADE_HEIGHT_M:g} m, {coarse.sum()} have under {MIN_FACADE_TEXELS} texels a side (raise "
-        f"texture.texels_per_metre), {unseen} are seen from no street (check streets, or raise texture.visibility_range)"
+        f"none of the {wall.sum()} walls is a facade: {small.sum()} are under {PLANNED_FACADES.min_facade_width_m:g} x "
+        f"{PLANNED_FACADES.min_facade_height_m:g} m, {coarse.sum()} have under {PLANNED_FACADES.min_facade_texels} "
+        f"texels a side (raise texture.texels_per_metre), {unseen} are seen from no street "
+        "(check streets, or raise texture.visibility_range)"
     ]
 
 

@@ -10,7 +10,7 @@ from catalogs.file_digest import file_digest
 from facade_core.geometry.charts import CORNER_SHARES, ChartKind
 from facade_core.geometry.settings import DAYLIGHT
 from facade_core.plan.plan import Plan
-from facade_core.street.lighting.sun import MAX_SHADOW_REACH_M as SHADOWS_M
+from facade_core.street.lighting.settings import SUNLIGHT
 from tasks.engine.run import Run
 from tasks.engine.stage_code import stage_code_digest
 from tasks.engine.unit_key import join_key_parts
@@ -37,7 +37,7 @@ def surface_key(
     known = [f"{number:016x}" for number in plan.ids[[*charts, *beside]].tolist()]
     corners = plan.scene.charts.points_at_shares(np.array(charts), CORNER_SHARES)
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
-    reach = DAYLIGHT.max_occluder_m if run.texture.sun is None else SHADOWS_M
+    reach = DAYLIGHT.max_occluder_m if run.texture.sun is None else SUNLIGHT.max_shadow_reach_m
     parts: dict[str, object] = {
         "settings": _settings(run),
         "geometry": [known[: len(charts)], sorted(known[len(charts) :])],

@@ -38,7 +38,7 @@ from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.sun import apply_sunlight as in_light
 from facade_core.street.lighting.sun import sunlight_share
 from facade_core.street.materials import field_kernels as field
-from facade_core.street.materials.relief import OPENING_DEPTH_M
+from facade_core.street.materials.settings import RELIEF
 from tests.facade_core.export.conftest import STREET, colour_of
 
 DENSITY = 10.0
@@ -76,7 +76,7 @@ def test_openings_lie_back_and_see_less_sky() -> None:
     height = estimate_heights(
         labels, np.full(labels.shape, PbrMaterialClass.PLASTER), np.full(labels.shape, 90, np.float32), labels < 0, 20.0
     )
-    assert height[30, 30] == pytest.approx(-OPENING_DEPTH_M)
+    assert height[30, 30] == pytest.approx(-RELIEF.opening_depth_m)
     assert height[0, 0] == 0
     found = normals_from_heights(height, 20.0)
     assert found[30, 19, 0] > 0.5, "the left reveal faces right"

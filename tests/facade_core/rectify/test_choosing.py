@@ -14,7 +14,8 @@ from facade_core.geometry.scene import Scene
 from facade_core.geometry.walls import WallRole
 from facade_core.imagery.rectify.fisheye import is_fisheye
 from facade_core.imagery.rectify.panorama import chart_point_view_quality
-from facade_core.plan.panorama_choice import MIN_COVERED_SHARE, MIN_RELATIVE_QUALITY, choose_panoramas
+from facade_core.plan.panorama_choice import choose_panoramas
+from facade_core.plan.settings import PANORAMA_CHOICE
 from tests.facade_core.rectify.test_panorama import scene_of
 
 SIZE = (2048, 4096)
@@ -36,8 +37,8 @@ def is_covered(scene: Scene, poses: list[Pose], chosen: tuple[int, ...]) -> bool
     for chart in range(len(scene.charts.size)):
         shown = chart_point_view_quality(scene, chart, poses, [SIZE] * len(poses))
         best = shown.max(axis=0)
-        good = (shown >= MIN_RELATIVE_QUALITY * best) & (shown > 0)
-        if good[list(chosen)].any(axis=0).sum() < MIN_COVERED_SHARE * (best > 0).sum():
+        good = (shown >= PANORAMA_CHOICE.min_relative_quality * best) & (shown > 0)
+        if good[list(chosen)].any(axis=0).sum() < PANORAMA_CHOICE.min_covered_share * (best > 0).sum():
             return False
     return True
 
@@ -50,7 +51,7 @@ def test_all_facades_are_covered_by_as_few_as_can_be() -> None:
     assert len(found.chosen) <= least + 1
     assert 1 < len(found.chosen) < len(poses)
     assert (found.facades, found.facades_shown) == (6, 6)
-    assert MIN_COVERED_SHARE * found.shown <= found.reached <= found.shown <= 6 * 80 + 1e-6
+    assert PANORAMA_CHOICE.min_covered_share * found.shown <= found.reached <= found.shown <= 6 * 80 + 1e-6
 
 
 def test_what_only_one_shows_is_taken_and_what_none_shows_asks_for_nothing() -> None:

@@ -13,8 +13,9 @@ from facade_core.geometry.chart_packing import pack_charts
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.geometry.scene import Scene
-from facade_core.street.materials.example_fill import MAX_FILL_M, fill_by_example
+from facade_core.street.materials.example_fill import fill_by_example
 from facade_core.street.materials.field import MaterialField
+from facade_core.street.materials.settings import EXAMPLE_FILL
 
 DENSITY = 16.0
 SIZE = (240, 320)
@@ -63,7 +64,7 @@ def test_it_ends_a_little_way_from_pictures_and_where_no_ground_is() -> None:
     known, there = np.zeros(SIZE, bool), anything()
     known[:, :120], there[:40] = True, False
     _, filled = fill_by_example(slabs(), known, there, np.zeros(SIZE, np.uint8), DENSITY)
-    reach = round(MAX_FILL_M * DENSITY)
+    reach = round(EXAMPLE_FILL.max_fill_m * DENSITY)
     assert filled[40:, 120 : 120 + reach - 1].all()
     assert not filled[:, 120 + reach + 1 :].any()
     assert not filled[:40].any()

@@ -17,20 +17,14 @@ from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.daylight import hemisphere_directions
 from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.geometry.scene import Scene
-from facade_core.street.lighting import ambient as around
+from facade_core.geometry.settings import DAYLIGHT
 from facade_core.street.lighting.ambient import ambient_light
 from facade_core.street.lighting.facade_light import apply_facade_light
+from facade_core.street.lighting.settings import AMBIENT
 from facade_core.street.lighting.sun import SKY_LIGHT, SUN_LIGHT, apply_sunlight, sun_direction, sunlight_share
 from facade_core.street.materials.field import MaterialField
-from facade_core.street.materials.stains import (
-    NOISE_CELLS_M,
-    NOISE_DEVIATIONS,
-    PHOTO_DEVIATIONS,
-    STAIN_DENSITY,
-    stain_tones,
-    stain_weights,
-    wall_brightness_deviations,
-)
+from facade_core.street.materials.settings import STAINS
+from facade_core.street.materials.stains import stain_tones, stain_weights, wall_brightness_deviations
 from facade_core.street.surfaces import ChartSunlight, KnownTexture, finish_chart
 
 STREET = Street("s", None, shapely.LineString([(-20, -6), (60, -6)]))
@@ -74,29 +68,29 @@ def test_light_is_that_of_single_rays(scene: Scene) -> None:
     charts, normals, towards = scene.charts, scene.charts.normals(), sun_direction(NOON)
     row, column = 2, 4
     share = np.array([[column / (above.shape[1] - 1), row / (above.shape[0] - 1)]])
-    place = charts.points_at_shares(np.array([chart]), share)[0, 0] + around.RAY_LIFT_M * normals[chart]
-    place += around.RAY_SHIFT_M * (charts.axis_u[chart] + charts.axis_v[chart])
+    place = charts.points_at_shares(np.array([chart]), share)[0, 0] + DAYLIGHT.ray_lift_m * normals[chart]
+    place += DAYLIGHT.ray_shift_m * (charts.axis_u[chart] + charts.axis_v[chart])
     sky, thrown = [], []
     for x, y, z in hemisphere_directions():
         ray = x * charts.axis_u[chart] + y * charts.axis_v[chart] + z * normals[chart]
         (depth,), (met,) = scene.caster.cast(place, ray[None])
-        if depth > around.OCCLUDER_RANGE_M and ray[2] >= 0:
+        if depth > AMBIENT.occluder_range_m and ray[2] >= 0:
             sky.append(1.0)
             thrown.append(0.0)
             continue
-        far = depth > around.OCCLUDER_RANGE_M
+        far = depth > AMBIENT.occluder_range_m
         normal = np.array([0.0, 0.0, 1.0]) if far else normals[met]
-        share_back = around.GROUND_ALBEDO if far or charts.kind[met] == ChartKind.GROUND else around.SURFACE_ALBEDO
-        sky.append(around.OCCLUDER_SKY_SHARE * share_back * (0.5 + 0.5 * normal[2]))
+        share_back = AMBIENT.ground_albedo if far or charts.kind[met] == ChartKind.GROUND else AMBIENT.surface_albedo
+        sky.append(AMBIENT.occluder_sky_share * share_back * (0.5 + 0.5 * normal[2]))
         sun = max(float(normal @ towards), 0.0)
         if not far and sun > 0:
             ahead, _ = scene.caster.cast(place + depth * ray + 0.04 * normal, towards[None])
             sun *= float(ahead[0] > 110)
         thrown.append(share_back * sun)
-    whole = (np.mean(sky) + np.mean(thrown) * SUN_LIGHT.mean() / SKY_LIGHT.mean()) / around.TYPICAL_SKY_SHARE
-    shown = around.MAX_AMBIENT_LIGHT / (whole + around.MAX_AMBIENT_LIGHT - 1)
-    assert above[row, column] == pytest.approx(np.mean(sky) / around.TYPICAL_SKY_SHARE * shown, rel=1e-4)
-    assert back[row, column] == pytest.approx(np.mean(thrown) / around.TYPICAL_SKY_SHARE * shown, rel=1e-4)
+    whole = (np.mean(sky) + np.mean(thrown) * SUN_LIGHT.mean() / SKY_LIGHT.mean()) / AMBIENT.typical_sky_share
+    shown = AMBIENT.max_ambient_light / (whole + AMBIENT.max_ambient_light - 1)
+    assert above[row, column] == pytest.approx(np.mean(sky) / AMBIENT.typical_sky_share * shown, rel=1e-4)
+    assert back[row, column] == pytest.approx(np.mean(thrown) / AMBIENT.typical_sky_share * shown, rel=1e-4)
     assert np.mean(thrown) > 0.02, "the sunlit house across the street throws some back"
 
 
@@ -105,7 +99,7 @@ def test_walls_in_the_shade_are_not_even(scene: Scene) -> None:
     middle = shaded[:, shaded.shape[1] // 2]
     assert middle[0] > 1.15 * middle[-1], "lighter above, where more of the sky is seen"
     assert (alone.mean(axis=1) > shaded.mean(axis=1)).all()
-    assert shaded.max() < around.MAX_AMBIENT_LIGHT
+    assert shaded.max() < AMBIENT.max_ambient_light
     again = ambient_light(scene, side(scene, 1, 1), NOON)
     assert all((a == b).all() for a, b in zip(again, ambient_light(scene, side(scene, 1, 1), NOON), strict=True))
 
@@ -119,17 +113,17 @@ def test_stains_give_an_even_wall_what_photographs_have_and_one_that_has_it_noth
     even = np.full((240, 400, 3), 150, np.uint8)
     labels = np.full((240, 400), FacadeClass.WALL, np.uint8)
     tones = stain_tones(even, labels, 16.0, (30.0, -12.0), seed=4)
-    step = 1 / STAIN_DENSITY
+    step = 1 / STAINS.stain_density
     x = 30 + step * (np.arange(tones.shape[1]) + 0.5)
     y = -12 + step * (np.arange(tones.shape[0]) + 0.5)
     found = wall_brightness_deviations(
-        (150 * tones).round().astype(np.uint8), np.ones(tones.shape, bool), STAIN_DENSITY
+        (150 * tones).round().astype(np.uint8), np.ones(tones.shape, bool), STAINS.stain_density
     )
-    assert found == pytest.approx(PHOTO_DEVIATIONS, rel=0.3)
+    assert found == pytest.approx(STAINS.photo_deviations, rel=0.3)
     # cells of .35 m are meant over an eighth of a metre: nearly as at its middle
     points = 1 + sum(
         weight * noise(x[None, :] / cell + 0 * y[:, None], y[:, None] / cell + 0 * x[None, :], 4 + 121 + number)
-        for number, (cell, weight) in enumerate(zip(NOISE_CELLS_M, stain_weights(None), strict=True))
+        for number, (cell, weight) in enumerate(zip(STAINS.noise_cells_m, stain_weights(None), strict=True))
     )
     assert np.abs(points - tones).max() < 0.05 * np.abs(tones - 1).max() + 0.01
     stained = (even * np.kron(tones, np.ones((2, 2)))[..., None]).astype(np.uint8)
@@ -138,14 +132,14 @@ def test_stains_give_an_even_wall_what_photographs_have_and_one_that_has_it_noth
 
 
 def test_noise_of_a_weight_gives_the_deviations_that_are_said() -> None:
-    for number, gives in enumerate(NOISE_DEVIATIONS):
+    for number, gives in enumerate(STAINS.noise_deviations):
         found = []
         for seed in range(4):
-            y, x = (np.mgrid[:320, :320] + 0.5) / STAIN_DENSITY
-            tone = 1 + 0.2 * noise(x / NOISE_CELLS_M[number], y / NOISE_CELLS_M[number], seed)
+            y, x = (np.mgrid[:320, :320] + 0.5) / STAINS.stain_density
+            tone = 1 + 0.2 * noise(x / STAINS.noise_cells_m[number], y / STAINS.noise_cells_m[number], seed)
             found.append(
                 wall_brightness_deviations(
-                    (120 * tone).round().astype(np.uint8), np.ones(tone.shape, bool), STAIN_DENSITY
+                    (120 * tone).round().astype(np.uint8), np.ones(tone.shape, bool), STAINS.stain_density
                 )
             )
         assert np.mean(found, axis=0) / 0.2 == pytest.approx(gives, rel=0.2)

@@ -17,8 +17,8 @@ from facade_core.geometry.party_walls import find_enclosed_texels
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.lighting.contact_shadow import contact_light
-from facade_core.street.materials.example_fill import MAX_FILL_M
 from facade_core.street.materials.field import MaterialField
+from facade_core.street.materials.settings import EXAMPLE_FILL
 from facade_core.street.propagation.propagate import mark_first_visible
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.surfaces import (
@@ -141,7 +141,7 @@ def test_a_picture_of_the_ground_goes_on_by_example_and_fades_into_the_material(
     hole = provenance[60:80, 40:70]
     assert (hole == Provenance.INPAINTED).all()
     assert np.abs(colour[60:80, 40:70].astype(float) - stripes[60:80]).mean() < 8
-    last = 120 + round(MAX_FILL_M * density)
+    last = 120 + round(EXAMPLE_FILL.max_fill_m * density)
     assert (provenance[20:-20, 120 : last - 2] == Provenance.INPAINTED).all()
     assert (provenance[:, last + 2 :] < Provenance.INPAINTED).all()
     painted = materials.chart_raster(chart)

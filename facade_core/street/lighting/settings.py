@@ -1,0 +1,105 @@
+"""Settings of light: tuned numbers, one class per step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class AmbientSettings:
+    """Light of the sky and of surfaces around.
+
+    Attributes
+    ----------
+    ambient_cell_m : spacing of the ray origins, which include the border; light is linear between them.
+    occluder_range_m : beyond this distance rays see haze: as bright as the sky above the horizon, as the ground below
+        it.
+    ground_albedo, surface_albedo : share of light that the ground reflects, and other surfaces.
+    occluder_sky_share : share of its unoccluded sky that an occluder sees.
+    typical_sky_share : skylight of most walls of a street; it counts as a light of 1.
+    max_ambient_light : limit of the tone curve, as a picture of light and dark walls has one.
+    """
+
+    ambient_cell_m: float = 3.0
+    occluder_range_m: float = 40.0
+    ground_albedo: float = 0.25
+    surface_albedo: float = 0.4
+    occluder_sky_share: float = 0.6
+    typical_sky_share: float = 0.4
+    max_ambient_light: float = 1.6
+
+
+AMBIENT = AmbientSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class ContactShadowSettings:
+    """Shade where walls meet the ground.
+
+    Attributes
+    ----------
+    ground_loss, wall_loss : share of light lost at the line, on the ground and on the wall.
+    loss_decay_m : distance from the line over which the loss decays to a third.
+    contact_reach_m : distance from the line beyond which nothing is lost.
+    max_foot_gap_m : largest gap between a wall's foot and the ground.
+    line_fraction_bits : fraction bits of line coordinates.
+    """
+
+    ground_loss: float = 0.38
+    wall_loss: float = 0.24
+    loss_decay_m: float = 0.3
+    contact_reach_m: float = 1.2
+    max_foot_gap_m: float = 0.35
+    line_fraction_bits: int = 4
+
+
+CONTACT_SHADOW = ContactShadowSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class SkySettings:
+    """Sky behind buildings.
+
+    Attributes
+    ----------
+    haze_m : at this distance two thirds of a colour are the horizon's.
+    rooflines : rows of roofs around the horizon, the farther first: number of houses, tangent of the lowest roof,
+        range of the tangents, share of haze.
+    roofline_blur : softness of edges (tangent).
+    max_wall_drop : distance of the walls below the horizon (tangent), where the block's ground ends.
+    """
+
+    haze_m: float = 1500.0
+    rooflines: tuple[tuple[int, float, float, float], tuple[int, float, float, float]] = (
+        (151, 0.050, 0.035, 0.66),
+        (89, 0.026, 0.040, 0.42),
+    )
+    roofline_blur: float = 0.0025
+    max_wall_drop: float = 0.014
+
+
+SKY_LOOK = SkySettings()
+
+
+@dataclass(frozen=True, slots=True)
+class SunSettings:
+    """Light of the sun.
+
+    Attributes
+    ----------
+    disk_radius_deg, disk_rays : six times the sun's own radius, as through thin haze.
+    sun_cell_m : spacing of the ray origins; light is linear between them.
+    ray_lift_m : distance of ray origins from the surface.
+    max_shadow_reach_m : occluders beyond this distance cast no shadow.
+    ray_batch : rays per cast.
+    """
+
+    disk_radius_deg: float = 1.6
+    disk_rays: int = 9
+    sun_cell_m: float = 0.25
+    ray_lift_m: float = 0.04
+    max_shadow_reach_m: float = 150.0
+    ray_batch: int = 1 << 19
+
+
+SUNLIGHT = SunSettings()
