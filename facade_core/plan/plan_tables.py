@@ -77,8 +77,7 @@ def _columns(value: Charts | Facades | ChartPlacements | FacadeSightings) -> dic
 
 def _plan_values(plan: Plan, buildings: Sequence[Building]) -> dict[str, dict[str, object]]:
     """Return the plan as tables."""
-    scene, streets, refused = plan.scene, plan.streets, dict(plan.rejected_buildings)
-    ways, areas = plan.ground.ways, plan.ground.areas
+    scene, streets = plan.scene, plan.streets
     placement = _columns(scene.placement)
     del placement["pages"]
     return {
@@ -102,6 +101,32 @@ def _plan_values(plan: Plan, buildings: Sequence[Building]) -> dict[str, dict[st
             **_model_textures(scene.mesh),
         },
         "sightings": _columns(plan.sightings),
+        **_camera_tables(plan),
+        "streets": {
+            "id": [s.id for s in streets],
+            "name": _texts(streets, "name"),
+            "wave": plan.wave,
+            "point": np.concatenate([_street_points(s) for s in streets] or [np.empty((0, 2))]),
+            "point_street": np.repeat(np.arange(len(streets)), [len(_street_points(s)) for s in streets]),
+        },
+        **_ground_tables(plan),
+        "buildings": _building_table(buildings, dict(plan.rejected_buildings)),
+    }
+
+
+def _attributes(items: Sequence[object], *names: str) -> dict[str, object]:
+    """Return columns of attributes of items."""
+    return {name: [getattr(item, name) for item in items] for name in names}
+
+
+def _texts(items: Sequence[object], name: str) -> list[str]:
+    """Return an attribute of items as texts, empty where it is None."""
+    return [getattr(item, name) or "" for item in items]
+
+
+def _camera_tables(plan: Plan) -> dict[str, dict[str, object]]:
+    """Return the tables of the poses, of the facades and of the viewpoints."""
+    return {
         "poses": {
             "position": np.array([[p.x, p.y, p.z] for p in plan.poses]).reshape(-1, 3),
             "angles": np.array([[p.heading, p.pitch, p.roll] for p in plan.poses]).reshape(-1, 3),
@@ -117,52 +142,57 @@ def _plan_values(plan: Plan, buildings: Sequence[Building]) -> dict[str, dict[st
             "painted": plan.painted_digests,
             "view_viewpoint": plan.views[:, 0],
             "view_chart": plan.views[:, 1],
-            "spacing": scene.spacing,
-            "visibility_range": scene.visibility_range,
+            "spacing": plan.scene.spacing,
+            "visibility_range": plan.scene.visibility_range,
         },
-        "streets": {
-            "id": [s.id for s in streets],
-            "name": [s.name or "" for s in streets],
-            "wave": plan.wave,
-            "point": np.concatenate([_street_points(s) for s in streets] or [np.empty((0, 2))]),
-            "point_street": np.repeat(np.arange(len(streets)), [len(_street_points(s)) for s in streets]),
-        },
+    }
+
+
+def _ground_tables(plan: Plan) -> dict[str, dict[str, object]]:
+    """Return the tables of the ways and of the areas."""
+    ways, areas, outline = plan.ground.ways, plan.ground.areas, plan.ground.outline
+    return {
         "ways": {
-            "id": [w.id for w in ways],
-            "kind": [w.kind for w in ways],
+            **_attributes(ways, "id", "kind"),
             "line": [shapely.to_wkb(w.line, hex=True) for w in ways],
-            "width": [w.width for w in ways],
-            "assumed": [w.assumed for w in ways],
-            "surface": [w.surface for w in ways],
-            "lanes": [w.lanes for w in ways],
-            "oneway": [w.oneway for w in ways],
+            **_attributes(ways, "width", "assumed", "surface", "lanes", "oneway"),
             "pavement": np.array([w.pavement for w in ways]).reshape(-1, 2),
             "parking": np.array([w.parking for w in ways]).reshape(-1, 2),
-            "rank": [w.rank for w in ways],
+            **_attributes(ways, "rank"),
         },
         "areas": {
-            "id": [a.id for a in areas],
+            **_attributes(areas, "id"),
             "outline": [shapely.to_wkb(a.outline, hex=True) for a in areas],
-            "surface": [a.surface for a in areas],
-            "block": shapely.to_wkb(plan.ground.outline, hex=True) if plan.ground.outline is not None else "",
+            **_attributes(areas, "surface"),
+            "block": shapely.to_wkb(outline, hex=True) if outline is not None else "",
         },
-        "buildings": {
-            "id": [b.id for b in buildings],
-            "name": [b.name or "" for b in buildings],
-            "height": [b.height for b in buildings],
-            "height_source": [b.height_source for b in buildings],
-            "levels": [b.levels or 0 for b in buildings],
-            "raised": [b.raised for b in buildings],
-            "part_of": [b.part_of or "" for b in buildings],
-            "roof_shape": [b.roof.shape if b.roof else "" for b in buildings],
-            "roof_height": [b.roof.height if b.roof else np.nan for b in buildings],
-            "roof_confidence": [b.roof.confidence if b.roof else np.nan for b in buildings],
-            "wall_colour": [_format_colour(b.finish.wall_colour) for b in buildings],
-            "roof_colour": [_format_colour(b.finish.roof_colour) for b in buildings],
-            "wall_material": [b.finish.wall_material or "" for b in buildings],
-            "roof_material": [b.finish.roof_material or "" for b in buildings],
-            "refused": [refused.get(b.id, "") for b in buildings],
-        },
+    }
+
+
+def _building_table(buildings: Sequence[Building], refused: Mapping[str, str]) -> dict[str, object]:
+    """Return the table of the buildings; `refused` holds the reasons by the ids of those without surfaces."""
+    finishes = [b.finish for b in buildings]
+    return {
+        **_attributes(buildings, "id"),
+        "name": _texts(buildings, "name"),
+        **_attributes(buildings, "height", "height_source"),
+        "levels": [b.levels or 0 for b in buildings],
+        **_attributes(buildings, "raised"),
+        "part_of": _texts(buildings, "part_of"),
+        **_roof_columns(buildings),
+        "wall_colour": [_format_colour(one.wall_colour) for one in finishes],
+        "roof_colour": [_format_colour(one.roof_colour) for one in finishes],
+        "wall_material": _texts(finishes, "wall_material"),
+        "roof_material": _texts(finishes, "roof_material"),
+        "refused": [refused.get(b.id, "") for b in buildings],
+    }
+
+
+def _roof_columns(buildings: Sequence[Building]) -> dict[str, object]:
+    return {
+        "roof_shape": [b.roof.shape if b.roof else "" for b in buildings],
+        "roof_height": [b.roof.height if b.roof else np.nan for b in buildings],
+        "roof_confidence": [b.roof.confidence if b.roof else np.nan for b in buildings],
     }
 
 
