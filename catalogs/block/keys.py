@@ -196,9 +196,8 @@ class HeightsSection(Section):
         Text,
         Key(
             "Raster of the highest points, roofs included (a surface model, such as of LiDAR), in the formats of `terrain`, "
-            "which is needed too: the height is the difference. A model of heights above the ground, near 0 around the "
-            "buildings, is recognised, with a note. Notes count the buildings that were measured, and those that the raster "
-            "does not show or shows no building at.",
+            "which is needed too: the height is the difference. Notes count the buildings that were measured, and those that "
+            "the raster does not show or shows no building at.",
             path=PathKind.FILE,
         ),
     ]
@@ -241,8 +240,8 @@ class BuildingsSection(Section):
     up: Annotated[
         Literal["y", "z"] | None,
         Key(
-            "Axis of OBJ and PLY files that points up. Without it `z`, unless comments (`# up axis: y`), the names and "
-            "directions of the faces, or the ground at zero show `y`; a note says so, and where nothing shows the axis.",
+            "Axis of OBJ and PLY files that points up. Without it `z`, unless comments (`# up axis: y`), the names of faces or "
+            "the floors of closed models show `y`; a note says so, and where nothing shows the axis.",
             default="by the faces",
         ),
     ] = None
