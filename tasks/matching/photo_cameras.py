@@ -29,7 +29,8 @@ from facade_core.core.types import Lens, Pose
 from facade_core.geometry.ground.terrain import Terrain, build_terrain
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.poses.group_outlines import align_to_outlines
-from facade_core.imagery.poses.model_alignment import GPS_SIGMA_M, PlacedPoints, align_to_model
+from facade_core.imagery.poses.model_alignment import PlacedPoints, align_to_model
+from facade_core.imagery.poses.settings import ALIGNMENT
 from tasks.engine.outcome import error_reason
 from tasks.matching.photo_matches import FULL_PANORAMA, poses_notes, read_place
 from tasks.matching.settings import MATCHING
@@ -176,7 +177,7 @@ def _place_group(
         scene, PlacedPoints(centres, points, group.camera, places, height, upright[:, 0] @ gps.rotation.T)
     )
     if aligned is None:
-        turn = float(np.degrees(GPS_SIGMA_M / np.linalg.norm(places[known] - places[known].mean(axis=0))))
+        turn = float(np.degrees(ALIGNMENT.gps_sigma_m / np.linalg.norm(places[known] - places[known].mean(axis=0))))
         if turn > MATCHING.max_gps_turn_deg:
             raise InputError(
                 f"{name} fits no walls of the block, and GPS turns it to {turn:.0f} degrees only; take more photos along the "

@@ -7,8 +7,8 @@ world. A patch on the wall with normal n through o, seen along the camera ray r,
 
 and two panoramas agree where x_i = x_j on the wall. The adjustment minimises the sum over all unknowns of
 
-    rho(|x_i - x_j| / MATCH_SIGMA_M; MATCH_CAUCHY_SCALE)          of matches,
-    rho(slope / LINE_SIGMA_DEG; LINE_CAUCHY_DEG / LINE_SIGMA_DEG) of lines, each times its length,
+    rho(|x_i - x_j| / match_sigma_m; match_cauchy_scale)          of matches,
+    rho(slope / line_sigma_deg; line_cauchy_deg / line_sigma_deg) of lines, each times its length,
     (m_i, w_i)' C_i^-1 (m_i, w_i)                                 of panoramas, C_i the covariance of the prior pose
 
 with Cauchy's rho(e; c) = c^2 log(1 + (e / c)^2). The lines of `wall_lines` are level or upright. A pose stays as close
@@ -25,23 +25,9 @@ from facade_core.core.arrays import Float64Array
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.panorama_camera import camera_from_world, camera_position
+from facade_core.imagery.poses.settings import ADJUSTMENT, WALL_LINES
 from facade_core.imagery.poses.shared_walls import PatchMatches
-from facade_core.imagery.poses.wall_lines import LINE_SIGMA_DEG, WallLines
-
-# Expected error of a match in metres.
-MATCH_SIGMA_M = 0.05
-# Cauchy scale of matches, in expected errors.
-MATCH_CAUCHY_SCALE = 3.0
-# Cauchy scale of lines in degrees.
-LINE_CAUCHY_DEG = 0.5
-# Matches of a pair that count as independent.
-MAX_INDEPENDENT_MATCHES = 40
-# Gauss-Newton steps at most.
-MAX_STEPS = 40
-# The iteration ends when no change exceeds this, in metres or degrees.
-CONVERGED_STEP = 1e-5
-# Step of numerical derivatives in metres or degrees.
-DERIVATIVE_STEP = 1e-4
+from facade_core.imagery.poses.wall_lines import WallLines
 
 
 class BundleAdjustment:
@@ -76,7 +62,7 @@ class BundleAdjustment:
         (n, 6) changes: translations in metres, rotations in degrees.
         """
         n = len(self._positions)
-        for _ in range(MAX_STEPS):
+        for _ in range(ADJUSTMENT.max_steps):
             normal = np.zeros((n, 6, n, 6))
             right = -np.einsum("nuv,nv->nu", self._prior_information, change)
             index = np.arange(n)
@@ -85,7 +71,7 @@ class BundleAdjustment:
             self._add_matches(matches, change, normal, right)
             step = np.linalg.solve(normal.reshape(6 * n, 6 * n), right.ravel()).reshape(n, 6)
             change = change + step
-            if np.abs(step).max() < CONVERGED_STEP:
+            if np.abs(step).max() < ADJUSTMENT.converged_step:
                 break
         return change
 
@@ -120,14 +106,16 @@ class BundleAdjustment:
         slope = np.empty((2, len(matches), 2, 6))  # derivatives of the residual by the unknowns of both panoramas
         for unknown in range(6):
             moved = change.copy()
-            moved[:, unknown] += DERIVATIVE_STEP
+            moved[:, unknown] += ADJUSTMENT.derivative_step
             for side, sign in ((0, 1.0), (1, -1.0)):
                 slope[side, :, :, unknown] = (
-                    sign * (self._wall_positions(matches, moved, side) - positions[side]) / DERIVATIVE_STEP
+                    sign * (self._wall_positions(matches, moved, side) - positions[side]) / ADJUSTMENT.derivative_step
                 )
         _, pair, count = np.unique(matches.panorama, axis=0, return_inverse=True, return_counts=True)
-        weight = np.minimum(1.0, MAX_INDEPENDENT_MATCHES / count[pair.reshape(-1)]) / MATCH_SIGMA_M**2
-        weight /= 1 + (residual**2).sum(axis=1) / (MATCH_CAUCHY_SCALE * MATCH_SIGMA_M) ** 2
+        weight = (
+            np.minimum(1.0, ADJUSTMENT.max_independent_matches / count[pair.reshape(-1)]) / ADJUSTMENT.match_sigma_m**2
+        )
+        weight /= 1 + (residual**2).sum(axis=1) / (ADJUSTMENT.match_cauchy_scale * ADJUSTMENT.match_sigma_m) ** 2
         for side in (0, 1):
             np.add.at(right, matches.panorama[:, side], -np.einsum("k,kau,ka->ku", weight, slope[side], residual))
             for other in (0, 1):
@@ -144,9 +132,12 @@ class BundleAdjustment:
             turn = change[number, 3:]
             residual = slopes(lines, turn)
             slope = np.stack(
-                [(slopes(lines, turn + DERIVATIVE_STEP * axis) - residual) / DERIVATIVE_STEP for axis in np.eye(3)],
+                [
+                    (slopes(lines, turn + ADJUSTMENT.derivative_step * axis) - residual) / ADJUSTMENT.derivative_step
+                    for axis in np.eye(3)
+                ],
                 axis=1,
             )
-            weight = lines.weight / LINE_SIGMA_DEG**2 / (1 + (residual / LINE_CAUCHY_DEG) ** 2)
+            weight = lines.weight / WALL_LINES.line_sigma_deg**2 / (1 + (residual / ADJUSTMENT.line_cauchy_deg) ** 2)
             right[number, 3:] -= (weight * residual) @ slope
             normal[number, 3:, number, 3:] += (slope * weight[:, None]).T @ slope

@@ -10,23 +10,15 @@ from scipy.sparse.csgraph import connected_components
 
 from facade_core.core.arrays import Float64Array, Int32Array, Int64Array
 from facade_core.core.grouping import RowsByValue, group_rows
-
-# Panoramas per bundle: their pictures are in memory together, and the equations are dense.
-MAX_BUNDLE_SIZE = 12
-# Share of a wall that a panorama must show for a comparison.
-MIN_WALL_SHARE = 0.25
-# Pictures taken more days apart may show two states of a street and are not compared.
-MAX_DAYS_APART = 400
-# Side in metres of the world's squares that first divide larger groups.
-FIRST_SQUARE_M = 4096.0
+from facade_core.imagery.poses.settings import PANORAMA_BUNDLES
 
 
 def group_panoramas_into_bundles(
     wall: Int32Array, panorama: Int32Array, seen: Float64Array, places: Float64Array, days: Sequence[int | None]
 ) -> list[tuple[int, ...]]:
-    """Group panoramas that show the same walls into bundles of two to MAX_BUNDLE_SIZE.
+    """Group panoramas that show the same walls into bundles of two to max_bundle_size.
 
-    Two panoramas are connected if both show MIN_WALL_SHARE of one wall and were taken within MAX_DAYS_APART. Connected
+    Two panoramas are connected if both show min_wall_share of one wall and were taken within max_days_apart. Connected
     components become bundles. A larger component is divided by squares of the world, whose side is halved until few
     enough panoramas are in each, and connected again there. Thus an added panorama changes the bundle of its square
     only.
@@ -43,17 +35,19 @@ def group_panoramas_into_bundles(
     -------
     Bundles with ascending indices, ordered by their first.
     """
-    is_large = seen >= MIN_WALL_SHARE
+    is_large = seen >= PANORAMA_BUNDLES.min_wall_share
     pairs = _comparable_pairs(wall[is_large], panorama[is_large], days)
     bundles: list[tuple[int, ...]] = []
-    pending = [(*group, FIRST_SQUARE_M) for group in _connected_groups(np.arange(len(places)), pairs)]
+    pending = [(*group, PANORAMA_BUNDLES.first_square_m) for group in _connected_groups(np.arange(len(places)), pairs)]
     while pending:
         group, linked, side = pending.pop()
-        if len(group) <= MAX_BUNDLE_SIZE or side < 1e-3:  # cameras at one position are divided by their order
+        if (
+            len(group) <= PANORAMA_BUNDLES.max_bundle_size or side < 1e-3
+        ):  # cameras at one position are divided by their order
             bundles += [
                 tuple(part)
-                for i in range(0, len(group), MAX_BUNDLE_SIZE)
-                if len(part := group[i : i + MAX_BUNDLE_SIZE].tolist()) > 1
+                for i in range(0, len(group), PANORAMA_BUNDLES.max_bundle_size)
+                if len(part := group[i : i + PANORAMA_BUNDLES.max_bundle_size].tolist()) > 1
             ]
             continue
         _, square = np.unique(np.floor(places[group] / side), axis=0, return_inverse=True)
@@ -74,7 +68,7 @@ def _comparable_pairs(wall: Int32Array, panorama: Int32Array, days: Sequence[int
     for rows in group_rows(wall).values():
         own = np.unique(panorama[rows]).astype(np.int64)
         first, second = (own[side] for side in np.triu_indices(len(own), 1))
-        apart = np.abs(day[first] - day[second]) > MAX_DAYS_APART  # False where a day is unknown
+        apart = np.abs(day[first] - day[second]) > PANORAMA_BUNDLES.max_days_apart  # False where a day is unknown
         found.append((first * len(day) + second)[~apart])
     return np.stack(np.divmod(np.unique(np.concatenate(found)), max(1, len(day))), axis=1)
 

@@ -11,7 +11,6 @@ from facade_core.core.arrays import Float64Array, UInt8Array
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.panorama_camera import camera_position, rotate_pose, rotation_about_z
-from facade_core.imagery.poses.model_alignment import GPS_SIGMA_M, HEIGHT_SIGMA_M, MAX_GPS_SIGMAS
 from facade_core.imagery.poses.outlines import (
     Gradients,
     OutlineSamples,
@@ -19,30 +18,10 @@ from facade_core.imagery.poses.outlines import (
     outline_fit,
     sample_visible_outlines,
 )
+from facade_core.imagery.poses.settings import ALIGNMENT, GROUP_OUTLINES
 
-# Photos that are compared; more take longer and say no more.
-MAX_PHOTOS = 60
-# Search along the line of the cameras and across it, in metres, and of the logarithm of the scale: range to each side and step.
-SEARCH_ALONG_M = (4.0, 0.5)
-SEARCH_ACROSS_M = (1.0, 0.5)
-SEARCH_LOG_SCALE = (0.15, 0.03)
-# Best changes of the search from which refinements start: outlines fit by chance in several places.
-MAX_STARTS = 6
-# Pixels of a full turn and blur in pixels, of the search, the refinements, and the last refinement.
-SEARCH_RESOLUTION = (384, 2.0)
-COARSE_RESOLUTION = (768, 2.0)
-FINE_RESOLUTION = (1536, 2.0)
 # Unknowns of a change: along, across and up in metres, turn in degrees, logarithm of the scale.
 CHANGES = 5
-# First steps of a refinement.
-FIRST_STEPS = np.array([0.125, 0.125, 0.1, 0.2, 0.01])
-# Cost, as a loss of fit, of one squared standard error of a place by GPS, of the mean height, and of the heading.
-PRIOR_COST = 0.005
-HEADING_SIGMA_DEG = 0.25
-# An alignment is accepted if the outlines fit at least this, the cost falls by this, and GPS is not much worse.
-MIN_FIT = 0.3
-MIN_COST_DECREASE = 0.005
-MAX_GPS_INCREASE = 12.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,13 +60,13 @@ class _Group:
     def prior(self, change: Float64Array) -> float:
         """Return the squares of the errors of the mean height and the heading, in their standard errors."""
         up = (self.move(change)[:, 2] - self.height).mean()
-        return float((up / HEIGHT_SIGMA_M) ** 2 + (change[3] / HEADING_SIGMA_DEG) ** 2)
+        return float((up / ALIGNMENT.height_sigma_m) ** 2 + (change[3] / GROUP_OUTLINES.heading_sigma_deg) ** 2)
 
     def gps_misfit(self, change: Float64Array) -> float:
-        """Return the sum of squares of GPS in its standard errors; an outlier counts MAX_GPS_SIGMAS."""
+        """Return the sum of squares of GPS in its standard errors; an outlier counts max_gps_sigmas."""
         off = self.move(change)[:, :2] - self.gps
-        squares = (off[np.isfinite(off).all(axis=1)] ** 2).sum(axis=1) / GPS_SIGMA_M**2
-        return float(np.minimum(squares, MAX_GPS_SIGMAS**2).sum())
+        squares = (off[np.isfinite(off).all(axis=1)] ** 2).sum(axis=1) / ALIGNMENT.gps_sigma_m**2
+        return float(np.minimum(squares, ALIGNMENT.max_gps_sigmas**2).sum())
 
 
 def align_to_outlines(
@@ -114,27 +93,33 @@ def align_to_outlines(
     -------
     The alignment; None where the outlines do not fit clearly better than before.
     """
-    chosen = np.unique(np.linspace(0, len(poses) - 1, min(len(poses), MAX_PHOTOS)).round().astype(int)).tolist()
+    chosen = np.unique(
+        np.linspace(0, len(poses) - 1, min(len(poses), GROUP_OUTLINES.max_photos)).round().astype(int)
+    ).tolist()
     centres = np.array([camera_position(pose) for pose in poses])
     line = np.linalg.svd(centres[:, :2] - centres[:, :2].mean(axis=0), full_matrices=False)[2][0]
     axes = np.array([[*line, 0.0], [-line[1], line[0], 0.0], [0.0, 0.0, 1.0]])
     given = _Group(centres, axes, gps, height)
     search, coarse = (
         _Comparison(scene, given, poses, read, chosen, resolution)
-        for resolution in (SEARCH_RESOLUTION, COARSE_RESOLUTION)
+        for resolution in (GROUP_OUTLINES.search_resolution, GROUP_OUTLINES.coarse_resolution)
     )
-    no_change = np.zeros(CHANGES)
-    largest = given.gps_misfit(no_change) + MAX_GPS_INCREASE
+    no_change, first_steps = np.zeros(CHANGES), np.array(GROUP_OUTLINES.first_steps)
+    largest = given.gps_misfit(no_change) + GROUP_OUTLINES.max_gps_increase
     grid = [one for one in _search_grid() if given.gps_misfit(one) <= largest]
     order = np.argsort([search.cost(one) for one in grid], kind="stable")
-    change = min((coarse.refine(grid[i], FIRST_STEPS) for i in order[:MAX_STARTS].tolist()), key=coarse.cost)
-    is_better = coarse.cost(no_change) - coarse.cost(change) >= MIN_COST_DECREASE
-    if not is_better or coarse.fit(change) < MIN_FIT or given.gps_misfit(change) > largest:
+    change = min(
+        (coarse.refine(grid[i], first_steps) for i in order[: GROUP_OUTLINES.max_starts].tolist()), key=coarse.cost
+    )
+    is_better = coarse.cost(no_change) - coarse.cost(change) >= GROUP_OUTLINES.min_cost_decrease
+    if not is_better or coarse.fit(change) < GROUP_OUTLINES.min_fit or given.gps_misfit(change) > largest:
         return None
     turn = rotation_about_z(-float(change[3]))
     moved = _Group(given.move(change), axes, gps, height)
     nearer = [_move_pose(pose, turn, centre) for pose, centre in zip(poses, moved.centres, strict=True)]
-    last = _Comparison(scene, moved, nearer, read, chosen, FINE_RESOLUTION).refine(no_change, FIRST_STEPS / 2)
+    last = _Comparison(scene, moved, nearer, read, chosen, GROUP_OUTLINES.fine_resolution).refine(
+        no_change, first_steps / 2
+    )
     if moved.gps_misfit(last) > largest:
         last = no_change
     rotation = rotation_about_z(-float(last[3])) @ turn
@@ -145,7 +130,11 @@ def _search_grid() -> Float64Array:
     """Return the changes (k, 5) that are tried; the given place is the first of equals."""
     along, across, scale = (
         np.arange(-round(reach / step), round(reach / step) + 1) * step
-        for reach, step in (SEARCH_ALONG_M, SEARCH_ACROSS_M, SEARCH_LOG_SCALE)
+        for reach, step in (
+            GROUP_OUTLINES.search_along_m,
+            GROUP_OUTLINES.search_across_m,
+            GROUP_OUTLINES.search_log_scale,
+        )
     )
     grid = np.stack(np.meshgrid(along, across, 0.0, 0.0, scale, indexing="ij"), axis=-1).reshape(-1, CHANGES)
     return np.asarray(grid[np.argsort((grid**2).sum(axis=1), kind="stable")])
@@ -185,7 +174,7 @@ class _Comparison:
     def cost(self, change: Float64Array) -> float:
         """Return what a search minimises."""
         prior = self.group.gps_misfit(change) - self.gps_before + self.group.prior(change)
-        return PRIOR_COST * prior - self.fit(change)
+        return GROUP_OUTLINES.prior_cost * prior - self.fit(change)
 
     def refine(self, start: Float64Array, steps: Float64Array) -> Float64Array:
         """Return the change of least cost near one."""

@@ -12,38 +12,14 @@ from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.panorama_camera import camera_position, pixels_per_radian, rotate_pose
 from facade_core.imagery.poses.bundle_adjustment import BundleAdjustment
+from facade_core.imagery.poses.settings import JOINT
 from facade_core.imagery.poses.shared_walls import PatchMatches, SurfaceCorrelation, match_patches_between_panoramas
 from facade_core.imagery.poses.wall_lines import WallLines, detect_wall_lines, line_misfit, median_line_angle
 
-# Pixels of a full turn at which pictures are compared: a texel of 10 cm at 60 m.
-MAX_TURN_PIXELS = 4096
-# Largest offset of a wall in metres in the first round,
-FIRST_SEARCH_M = 2.6
-# and in later rounds.
-LATER_SEARCH_M = 0.8
-# Rounds of matching and adjustment.
-ROUNDS = 3
-# Expected errors of a pose from single refinement: metres east, north and up, degrees of tilt (two) and
-# heading. Lower bounds where outlines determined the position,
-SIGMA_WITH_OUTLINES = np.array([0.03, 0.03, 0.03, 0.05, 0.05, 0.05])
-# and where they did not.
-SIGMA_WITHOUT_OUTLINES = np.array([0.5, 0.5, 1.5, 0.5, 0.5, 1.0])
 # Unknowns that outlines determine.
 OUTLINE_UNKNOWNS = np.array([0, 1, 2, 5])
 # Their signs: outlines count turns clockwise from above, the equations counter-clockwise.
 OUTLINE_SIGNS = np.array([1, 1, 1, -1])
-# A joint pose is rejected if the misfit of its lines grows by a larger share,
-MAX_MISFIT_INCREASE = 0.1
-# if the correlation of its walls drops by more,
-MAX_CORRELATION_LOSS = 0.02
-# if held-out patches are farther apart by more metres,
-MAX_DISTANCE_INCREASE_M = 0.01
-# or if it moves horizontally by more metres.
-MAX_SHIFT_M = 1.2
-# Walls are held out whole from this number on; of fewer, a part of each.
-MIN_HOLDOUT_WALLS = 4
-# Poses are rounded to millimetres and thousandths of a degree, so that smaller changes make no unit stale.
-POSE_DIGITS = 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,7 +63,7 @@ def refine_jointly(
 ) -> list[JointPose]:
     """Refine the poses of a bundle of panoramas by common walls and ground.
 
-    Runs ROUNDS of `match_patches_between_panoramas` and `BundleAdjustment`. A panorama keeps its prior pose, and the others are
+    Repeats `match_patches_between_panoramas` and `BundleAdjustment`. A panorama keeps its prior pose, and the others are
     refined without it, if the joint pose is worse by held-out patches, by its lines or by the agreement of whole walls.
 
     Parameters
@@ -107,7 +83,7 @@ def refine_jointly(
         lines.append(detect_wall_lines(scene, image, pose))
         downscaled.append(downscale_panorama(image, pose))
     adjustment = BundleAdjustment(scene, start, lines, np.array([_prior_covariance(prior) for prior in alone]))
-    before = match_patches_between_panoramas(scene, surfaces, downscaled, start, FIRST_SEARCH_M)
+    before = match_patches_between_panoramas(scene, surfaces, downscaled, start, JOINT.first_search_m)
     reasons = [""] * len(start)
     while True:
         change, matches, agreements = _adjust(
@@ -138,12 +114,12 @@ def refine_jointly(
 
 
 def downscale_panorama(image: UInt8Array, pose: Pose) -> UInt8Array:
-    """Downscale a panorama (H, W, 3) uint8 to at most MAX_TURN_PIXELS per full turn."""
+    """Downscale a panorama (H, W, 3) uint8 to at most max_turn_pixels per full turn."""
     import cv2
 
-    shrink = MAX_TURN_PIXELS * pose.view[2] / image.shape[1]
+    shrink = JOINT.max_turn_pixels * pose.view[2] / image.shape[1]
     if pose.lens is not None:
-        shrink = MAX_TURN_PIXELS / (2 * np.pi) / pixels_per_radian(pose, image.shape[1])
+        shrink = JOINT.max_turn_pixels / (2 * np.pi) / pixels_per_radian(pose, image.shape[1])
     if shrink >= 1:
         return image
     size = (max(1, round(image.shape[1] * shrink)), max(1, round(image.shape[0] * shrink)))
@@ -153,8 +129,8 @@ def downscale_panorama(image: UInt8Array, pose: Pose) -> UInt8Array:
 def _prior_covariance(prior: PriorPose) -> Float64Array:
     """Covariance (6, 6) of a prior pose: metres, then degrees about the axes."""
     if prior.covariance is None:
-        return np.diag(SIGMA_WITHOUT_OUTLINES**2)
-    covariance = np.diag(SIGMA_WITH_OUTLINES**2)
+        return np.diag(np.array(JOINT.sigma_without_outlines) ** 2)
+    covariance = np.diag(np.array(JOINT.sigma_with_outlines) ** 2)
     covariance[np.ix_(OUTLINE_UNKNOWNS, OUTLINE_UNKNOWNS)] += prior.covariance * np.outer(OUTLINE_SIGNS, OUTLINE_SIGNS)
     return covariance
 
@@ -173,14 +149,14 @@ def _adjust(
     usable = np.array(is_included)
     matches, agreements = before
     matches = matches.select(np.asarray(usable[matches.panorama].all(axis=1)))
-    for _ in range(ROUNDS):
+    for _ in range(JOINT.rounds):
         if not len(matches):
             break
         change = adjustment.solve(matches, change)
         change[~usable] = 0.0
         poses = [_apply_change(pose, pose_change) for pose, pose_change in zip(start, change, strict=True)]
         matches, agreements = match_patches_between_panoramas(
-            scene, surfaces, images, poses, LATER_SEARCH_M, poses_agree=True
+            scene, surfaces, images, poses, JOINT.later_search_m, poses_agree=True
         )
         matches = matches.select(np.asarray(usable[matches.panorama].all(axis=1)))
     return change, matches, agreements
@@ -211,17 +187,17 @@ def _find_worse(
             continue
         is_own, turn, still_turn = (matches.panorama == number).any(axis=1), _rotation(own_change), np.eye(3)
         moved, (was, now) = float(np.hypot(*own_change[:2])), _mean_agreement(number, before, after)
-        if moved > MAX_SHIFT_M:
+        if moved > JOINT.max_shift_m:
             tests[0][number] = f"alone: others would move it by {moved:.1f} m"
-        if len(lines[number]) and line_misfit(lines[number], turn) > (1 + MAX_MISFIT_INCREASE) * line_misfit(
+        if len(lines[number]) and line_misfit(lines[number], turn) > (1 + JOINT.max_misfit_increase) * line_misfit(
             lines[number], still_turn
         ):
             tests[1][number] = "alone: its lines on walls would be less level and upright"
-        if now < was - MAX_CORRELATION_LOSS:
+        if now < was - JOINT.max_correlation_loss:
             tests[2][number] = f"alone: what it shows would agree {now:.2f} with others, and does {was:.2f}"
         if (
             is_own.any()
-            and np.median(holdout_distances[is_own]) > np.median(distances[is_own]) + MAX_DISTANCE_INCREASE_M
+            and np.median(holdout_distances[is_own]) > np.median(distances[is_own]) + JOINT.max_distance_increase_m
         ):
             tests[3][number] = "alone: patches that were left out would lie farther apart"
     return next(filter(None, tests), {})
@@ -230,7 +206,7 @@ def _find_worse(
 def _split_holdout(matches: PatchMatches) -> Int64Array:
     """Holdout half, 0 or 1, of each match (k,): every other wall of a pair.
 
-    With fewer than MIN_HOLDOUT_WALLS walls, the upper and lower part of each: half of the walls would not determine a
+    With fewer than min_holdout_walls walls, the upper and lower part of each: half of the walls would not determine a
     pose.
     """
     half = np.zeros(len(matches), np.int64)
@@ -240,7 +216,7 @@ def _split_holdout(matches: PatchMatches) -> Int64Array:
         for number in range(len(walls)):
             wall_rows = rows[wall_index == number]
             half[wall_rows] = (
-                number % 2 if len(walls) >= MIN_HOLDOUT_WALLS else np.arange(len(wall_rows)) * 2 // len(wall_rows)
+                number % 2 if len(walls) >= JOINT.min_holdout_walls else np.arange(len(wall_rows)) * 2 // len(wall_rows)
             )
     return half
 
@@ -265,7 +241,7 @@ def _rotation(change: Float64Array) -> Float64Array:
 
 
 def _apply_change(pose: Pose, change: Float64Array) -> Pose:
-    x, y, z = (camera_position(pose) + change[:3]).round(POSE_DIGITS).tolist()
+    x, y, z = (camera_position(pose) + change[:3]).round(JOINT.pose_digits).tolist()
     after = rotate_pose(pose, _rotation(change))
-    heading, pitch, roll = (round(angle, POSE_DIGITS) for angle in (after.heading, after.pitch, after.roll))
+    heading, pitch, roll = (round(angle, JOINT.pose_digits) for angle in (after.heading, after.pitch, after.roll))
     return replace(after, x=x, y=y, z=z, heading=heading, pitch=pitch, roll=roll)

@@ -11,7 +11,6 @@ from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.panorama_camera import camera_position
 from facade_core.imagery.poses.outlines import (
-    COARSE_RESOLUTION,
     Gradients,
     OutlineSamples,
     coarse_and_fine_gradients,
@@ -20,29 +19,7 @@ from facade_core.imagery.poses.outlines import (
     outline_fit,
     sample_visible_outlines,
 )
-
-# Outlines fit elsewhere from this fit on. By chance they fit up to 0.23, at the true position from 0.35 on.
-MIN_OTHER_FIT = 0.3
-# Elsewhere they must also fit better by this.
-MIN_FIT_GAIN = 0.12
-# Groups of visible outlines that distinguish positions.
-MIN_OUTLINE_GROUPS = 40
-# Tried headings differ from the stated one by at least this many degrees,
-MIN_TURN_DEG = 5.0
-# in steps of this.
-TURN_STEP_DEG = 1.0
-# Tried positions are at most this many metres away in each direction,
-MAX_MOVE_M = 8.0
-# in steps of this.
-MOVE_STEP_M = 0.5
-# Pixels of a full turn and blur for the grid: coarse enough that a step does not miss a fit.
-GRID_RESOLUTION = (768, 2.0)
-# A position within this many metres of the stated one confirms it.
-MAX_STATED_ERROR_M = 1.5
-# Offsets in metres and
-MIRROR_OFFSETS_M = np.arange(-1.0, 1.01, 0.25)
-# turns in degrees at which the mirror image is tried.
-MIRROR_TURNS_DEG = np.arange(-2.0, 2.1, 1.0)
+from facade_core.imagery.poses.settings import MISPLACED, OUTLINES
 
 
 def explain_misplacement(scene: Scene, image: UInt8Array, pose: Pose, edges: OutlineSamples, best_fit: float) -> str:
@@ -62,19 +39,19 @@ def explain_misplacement(scene: Scene, image: UInt8Array, pose: Pose, edges: Out
     """
     if pose.lens is not None:  # a part of the outlines fits by chance
         return ""
-    min_fit = max(MIN_OTHER_FIT, best_fit + MIN_FIT_GAIN)
-    if int((edges.weight > 0).sum()) < MIN_OUTLINE_GROUPS or min_fit > 1:
+    min_fit = max(MISPLACED.min_other_fit, best_fit + MISPLACED.min_fit_gain)
+    if int((edges.weight > 0).sum()) < MISPLACED.min_outline_groups or min_fit > 1:
         return ""
     pictures = coarse_and_fine_gradients(image, pose)
     picture = pictures[0]
     if pose.view == (0.0, 0.0, 1.0, 1.0):
-        mirrored = image_gradients(np.ascontiguousarray(image[:, ::-1]), pose, *COARSE_RESOLUTION)
+        mirrored = image_gradients(np.ascontiguousarray(image[:, ::-1]), pose, *OUTLINES.coarse_resolution)
         if (found_fit := _best_fit_nearby(edges, mirrored, pose)) >= min_fit:
             return (
                 f"is mirrored: outlines of buildings fit its mirror image {found_fit:.2f} and itself {best_fit:.2f}; "
                 "turn it over, or remove it"
             )
-    turns = np.arange(MIN_TURN_DEG, 360 - MIN_TURN_DEG + 1e-9, TURN_STEP_DEG)
+    turns = np.arange(MISPLACED.min_turn_deg, 360 - MISPLACED.min_turn_deg + 1e-9, MISPLACED.turn_step_deg)
     turn = float(
         turns[int(np.argmax([outline_fit(edges, picture, pose, np.zeros(3), turn_deg) for turn_deg in turns]))]
     )
@@ -85,7 +62,7 @@ def explain_misplacement(scene: Scene, image: UInt8Array, pose: Pose, edges: Out
             f"is turned: outlines of buildings fit {found_fit:.2f} at a heading {difference:+.0f} degrees off and "
             f"{best_fit:.2f} at its own; mend its heading, or remove it"
         )
-    moved = _best_grid_pose(edges, image_gradients(image, pose, *GRID_RESOLUTION), pose)
+    moved = _best_grid_pose(edges, image_gradients(image, pose, *MISPLACED.grid_resolution), pose)
     if (
         moved is not None
         and (
@@ -105,17 +82,21 @@ def explain_misplacement(scene: Scene, image: UInt8Array, pose: Pose, edges: Out
 
 def _best_fit_nearby(edges: OutlineSamples, picture: Gradients, pose: Pose) -> float:
     """Best fit of the outlines near a pose."""
-    offsets = np.stack(np.meshgrid(MIRROR_OFFSETS_M, MIRROR_OFFSETS_M, [0.0], indexing="ij"), axis=-1).reshape(-1, 3)
+    offsets = np.stack(
+        np.meshgrid(MISPLACED.mirror_offsets_m, MISPLACED.mirror_offsets_m, [0.0], indexing="ij"), axis=-1
+    ).reshape(-1, 3)
     return max(
-        outline_fit(edges, picture, pose, offset, float(turn)) for offset in offsets for turn in MIRROR_TURNS_DEG
+        outline_fit(edges, picture, pose, offset, float(turn))
+        for offset in offsets
+        for turn in MISPLACED.mirror_turns_deg
     )
 
 
 def _best_grid_pose(edges: OutlineSamples, picture: Gradients, pose: Pose) -> Pose | None:
     """Pose of the best fit on a grid around a pose; None if it is near the pose itself."""
-    steps = np.arange(-MAX_MOVE_M, MAX_MOVE_M + 1e-9, MOVE_STEP_M)
+    steps = np.arange(-MISPLACED.max_move_m, MISPLACED.max_move_m + 1e-9, MISPLACED.move_step_m)
     offsets = np.stack(np.meshgrid(steps, steps, [0.0], indexing="ij"), axis=-1).reshape(-1, 3)
     best = offsets[int(np.argmax([outline_fit(edges, picture, pose, offset) for offset in offsets]))]
-    if np.hypot(*best[:2]) <= MAX_STATED_ERROR_M:
+    if np.hypot(*best[:2]) <= MISPLACED.max_stated_error_m:
         return None
     return replace(pose, x=pose.x + float(best[0]), y=pose.y + float(best[1]))

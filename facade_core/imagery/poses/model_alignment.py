@@ -10,36 +10,7 @@ from facade_core.core.arrays import Float64Array, Int32Array
 from facade_core.geometry.charts import Charts
 from facade_core.geometry.nearest_surface import NearestSurface
 from facade_core.geometry.scene import Scene
-
-# Headings from which the alignment starts, degrees from that of GPS.
-START_TURNS_DEG = (0.0, -6.0, 6.0, -12.0, 12.0, -20.0, 20.0)
-# Distances in metres at which a point counts half, by round: the first reach what GPS leaves, the last what facades vary.
-ROUND_SCALES_M = (3.0, 2.0, 1.5, 1.0, 0.7, 0.5, 0.3, 0.3, 0.2, 0.2)
-# Points that are compared; more take longer and say no more.
-MAX_POINTS = 4000
-# So many points count as independent of each other: those of one facade share its errors.
-INDEPENDENT_POINTS = 80.0
-# Expected errors: of GPS and of the model, metres; of the vertical that pictures of all headings agree on, and of pictures of
-# one heading about their right axis, degrees; of the mean height of cameras, metres. GPS farther off than so many of its errors
-# counts less.
-GPS_SIGMA_M = 3.0
-MODEL_SIGMA_M = 0.2
-LEVEL_SIGMA_DEG = 1.5
-PITCH_SIGMA_DEG = 20.0
-HEIGHT_SIGMA_M = 0.3
-GPS_OUTLIER_SIGMAS = 3.0
-# An alignment may raise the sum of squares of GPS, in its errors, by so much over the best fit to GPS: four unknowns explain
-# 15 of it at 99.5 %.
-MAX_GPS_INCREASE = 20.0
-MAX_GPS_SIGMAS = 4.0
-# Metres from a wall within which a point is on it, and the least number of points and share of them there.
-ON_WALL_M = 0.5
-MIN_ON_WALL_SHARE = 0.2
-MIN_POINTS = 100
-# Cost of a point behind a wall against one before it.
-BEHIND_COST = 3.0
-# Largest vertical part of the normal of a wall.
-MAX_WALL_SLOPE = 0.3
+from facade_core.imagery.poses.settings import ALIGNMENT
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,7 +22,7 @@ class ModelAlignment:
     rotation : (3, 3).
     scale : factor.
     shift : (3,) metres.
-    on_wall_share : share of the points within ON_WALL_M of a wall.
+    on_wall_share : share of the points within on_wall_m of a wall.
     """
 
     rotation: Float64Array
@@ -109,20 +80,20 @@ def align_to_model(scene: Scene, placed: PlacedPoints) -> ModelAlignment | None:
     -------
     The alignment; None where there are too few points, too few of them come to a wall, or walls and GPS contradict.
     """
-    if len(placed.points) < MIN_POINTS:
+    if len(placed.points) < ALIGNMENT.min_points:
         return None
-    step = -(-len(placed.points) // MAX_POINTS)
+    step = -(-len(placed.points) // ALIGNMENT.max_points)
     chosen = PlacedPoints(
         placed.centres, placed.points[::step], placed.camera[::step], placed.gps, placed.height, placed.right
     )
     model = _Model(scene.charts, NearestSurface(scene.mesh))
     best: tuple[float, Float64Array] | None = None
-    for turn in START_TURNS_DEG:
+    for turn in ALIGNMENT.start_turns_deg:
         change = np.zeros(7)
         change[2] = np.radians(turn)
-        for scale in ROUND_SCALES_M:
+        for scale in ALIGNMENT.round_scales_m:
             change = _solve_round(model, chosen, change, scale)
-        if _gps_misfit(chosen, change) > _gps_misfit(chosen, np.zeros(7)) + MAX_GPS_INCREASE:
+        if _gps_misfit(chosen, change) > _gps_misfit(chosen, np.zeros(7)) + ALIGNMENT.max_gps_increase:
             continue
         cost = _cost(model, chosen, change)
         if best is None or cost < best[0]:
@@ -132,8 +103,8 @@ def align_to_model(scene: Scene, placed: PlacedPoints) -> ModelAlignment | None:
     rotation, factor, shift = _similarity(chosen, best[1])
     aligned = ModelAlignment(rotation, factor, shift, 0.0)
     distance, _, _ = _wall_distances(model, chosen, aligned)
-    share = float((np.abs(distance) <= ON_WALL_M).mean())
-    return ModelAlignment(rotation, factor, shift, share) if share >= MIN_ON_WALL_SHARE else None
+    share = float((np.abs(distance) <= ALIGNMENT.on_wall_m).mean())
+    return ModelAlignment(rotation, factor, shift, share) if share >= ALIGNMENT.min_on_wall_share else None
 
 
 def _similarity(placed: PlacedPoints, change: Float64Array) -> tuple[Float64Array, float, Float64Array]:
@@ -156,7 +127,7 @@ def _wall_distances(
     beside = np.linalg.norm(points - nearest - distance[:, None] * normal, axis=1)
     centres = aligned.apply(placed.centres)[placed.camera]
     faces = ((centres - nearest) * normal).sum(axis=1) > 0
-    is_wall = faces & (beside <= ON_WALL_M) & (np.abs(normal[:, 2]) <= MAX_WALL_SLOPE)
+    is_wall = faces & (beside <= ALIGNMENT.on_wall_m) & (np.abs(normal[:, 2]) <= ALIGNMENT.max_wall_slope)
     return np.where(is_wall, distance, np.inf), normal, points
 
 
@@ -173,15 +144,15 @@ def _priors(placed: PlacedPoints, change: Float64Array) -> tuple[Float64Array, F
     middle = placed.centres.mean(axis=0) + change[3:6]
     slopes = _slopes(centres - middle)
     known = np.isfinite(placed.gps).all(axis=1)
-    off = (centres[known, :2] - placed.gps[known]) / GPS_SIGMA_M
-    weight = np.sqrt(1 / (1 + (off**2).sum(axis=1) / GPS_OUTLIER_SIGMAS**2))[:, None]
+    off = (centres[known, :2] - placed.gps[known]) / ALIGNMENT.gps_sigma_m
+    weight = np.sqrt(1 / (1 + (off**2).sum(axis=1) / ALIGNMENT.gps_outlier_sigmas**2))[:, None]
     rows = [(weight * off).ravel()]
-    derivatives = [(weight[..., None] * slopes[known, :2] / GPS_SIGMA_M).reshape(-1, 7)]
-    rows.append(np.array([np.mean(centres[:, 2] - placed.height) / HEIGHT_SIGMA_M]))
-    derivatives.append(slopes[:, 2].mean(axis=0, keepdims=True) / HEIGHT_SIGMA_M)
+    derivatives = [(weight[..., None] * slopes[known, :2] / ALIGNMENT.gps_sigma_m).reshape(-1, 7)]
+    rows.append(np.array([np.mean(centres[:, 2] - placed.height) / ALIGNMENT.height_sigma_m]))
+    derivatives.append(slopes[:, 2].mean(axis=0, keepdims=True) / ALIGNMENT.height_sigma_m)
     # the surfaces alone would shrink the points into one of them
     span = float(np.linalg.norm(placed.centres[known, :2] - placed.centres[known, :2].mean(axis=0)))
-    sigma = GPS_SIGMA_M / max(span, GPS_SIGMA_M)
+    sigma = ALIGNMENT.gps_sigma_m / max(span, ALIGNMENT.gps_sigma_m)
     rows.append(change[[6]] / sigma)
     derivatives.append(np.eye(7)[[6]] / sigma)
     level = _level_precision(placed)
@@ -193,8 +164,8 @@ def _priors(placed: PlacedPoints, change: Float64Array) -> tuple[Float64Array, F
 def _level_precision(placed: PlacedPoints) -> Float64Array:
     """Return the root (2, 2) of the precision of the tilt: pictures of one heading do not tell their common pitch."""
     tilt = placed.right[:, [1, 0]] * [1.0, -1.0]  # of right axes, by a turn about east and north
-    precision = 2 * tilt.T @ tilt / len(tilt) / np.radians(LEVEL_SIGMA_DEG) ** 2
-    return np.asarray(np.linalg.cholesky(precision + np.eye(2) / np.radians(PITCH_SIGMA_DEG) ** 2).T)
+    precision = 2 * tilt.T @ tilt / len(tilt) / np.radians(ALIGNMENT.level_sigma_deg) ** 2
+    return np.asarray(np.linalg.cholesky(precision + np.eye(2) / np.radians(ALIGNMENT.pitch_sigma_deg) ** 2).T)
 
 
 def _slopes(offset: Float64Array) -> Float64Array:
@@ -210,8 +181,8 @@ def _solve_round(model: _Model, placed: PlacedPoints, change: Float64Array, scal
     rotation, factor, shift = _similarity(placed, change)
     distance, normal, points = _wall_distances(model, placed, ModelAlignment(rotation, factor, shift, 0.0))
     weight = _weights(distance, scale)
-    sigma = max(scale / 2, MODEL_SIGMA_M)
-    weight *= min(1.0, INDEPENDENT_POINTS / max(weight.sum(), 1e-9)) / sigma**2
+    sigma = max(scale / 2, ALIGNMENT.model_sigma_m)
+    weight *= min(1.0, ALIGNMENT.independent_points / max(weight.sum(), 1e-9)) / sigma**2
     slope = np.einsum("mi,mij->mj", normal, _slopes(points - placed.centres.mean(axis=0) - change[3:6]))
     residual, derivative = _priors(placed, change)
     left = slope.T @ (weight[:, None] * slope) + derivative.T @ derivative
@@ -229,11 +200,11 @@ def _compose(change: Float64Array, step: Float64Array) -> Float64Array:
 
 
 def _gps_misfit(placed: PlacedPoints, change: Float64Array) -> float:
-    """Return the sum of squares of GPS in units of its error; outliers count MAX_GPS_SIGMAS."""
+    """Return the sum of squares of GPS in units of its error; outliers count max_gps_sigmas."""
     rotation, factor, shift = _similarity(placed, change)
     off = (factor * placed.centres @ rotation.T + shift)[:, :2] - placed.gps
-    squares = (off[np.isfinite(off).all(axis=1)] ** 2).sum(axis=1) / GPS_SIGMA_M**2
-    return float(np.minimum(squares, MAX_GPS_SIGMAS**2).sum())
+    squares = (off[np.isfinite(off).all(axis=1)] ** 2).sum(axis=1) / ALIGNMENT.gps_sigma_m**2
+    return float(np.minimum(squares, ALIGNMENT.max_gps_sigmas**2).sum())
 
 
 def _cost(model: _Model, placed: PlacedPoints, change: Float64Array) -> float:
@@ -241,7 +212,7 @@ def _cost(model: _Model, placed: PlacedPoints, change: Float64Array) -> float:
     rotation, factor, shift = _similarity(placed, change)
     distance, _, _ = _wall_distances(model, placed, ModelAlignment(rotation, factor, shift, 0.0))
     near = np.where(np.isfinite(distance), distance, 1e3) ** 2
-    off = near / (near + ON_WALL_M**2) * np.where(distance < 0, BEHIND_COST, 1.0)
-    points = float(off.mean()) * INDEPENDENT_POINTS
+    off = near / (near + ALIGNMENT.on_wall_m**2) * np.where(distance < 0, ALIGNMENT.behind_cost, 1.0)
+    points = float(off.mean()) * ALIGNMENT.independent_points
     residual, _ = _priors(placed, change)
     return points + 0.5 * float(residual @ residual)

@@ -21,51 +21,7 @@ from facade_core.imagery.panorama_camera import (
     pixels_per_radian,
     project_directions_to_picture,
 )
-
-# Farther edges, in metres, do not constrain a position.
-MAX_OUTLINE_DISTANCE_M = 60.0
-# Distance between samples in metres.
-SAMPLE_SPACING_M = 0.25
-# Samples that are judged together.
-SAMPLES_PER_GROUP = 10
-# A sample is visible if no surface is nearer to the camera by more than this, in metres.
-OUTLINE_TOLERANCE_M = 0.15
-# Angle from a sample at which the surfaces on its two sides are looked up.
-SIDE_OFFSET_DEG = 0.7
-# Surfaces count as one if the cosine between their normals exceeds this
-SAME_NORMAL_COS = np.cos(np.radians(10.0))
-# and their planes differ by less than this, in metres.
-SAME_PLANE_M = 0.25
-# Pixels of a full turn and blur in pixels of the panorama that finds the position,
-COARSE_RESOLUTION = (2048, 3.0)
-# and of the finer panorama that refines it.
-FINE_RESOLUTION = (4096, 2.0)
-# Grey levels of a step that counts fully, such as sky behind eaves; a moulding below has less.
-FULL_STEP = 80.0
-# Weight of edges that are not in front of the sky. Corners between walls of one brick are often invisible.
-INNER_WEIGHT = 0.15
-# Search range to each side, horizontally, in metres
-SEARCH_HORIZONTAL_M = 1.0
-# and its step;
-HORIZONTAL_STEP_M = 0.25
-# search range up and down in metres
-SEARCH_VERTICAL_M = 1.0
-# and its step.
-VERTICAL_STEP_M = 0.5
-# Cost of an offset per square metre: horizontally,
-HORIZONTAL_COST = 0.08
-# in height where the height is stated,
-STATED_HEIGHT_COST = 0.02
-# and in height where it is assumed.
-ASSUMED_HEIGHT_COST = 0.25
-# Cost of a turn by the expected error of the heading; grows with its square.
-TURN_COST = 0.02
-# Cost of a pose that is one standard error off.
-SIGMA_COST = 0.01
-# Largest standard errors east, north and up, in metres, and of the heading, in degrees.
-MAX_SIGMA = np.array([0.25, 0.25, 1.0, 0.5])
-# Largest standard error of an assumed height, in metres.
-MAX_ASSUMED_HEIGHT_SIGMA_M = 0.3
+from facade_core.imagery.poses.settings import OUTLINES
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,7 +33,7 @@ class OutlineSamples:
     point : (k, 3) world positions.
     along : (k, 3) directions of the edges.
     group : (k,) int64 group of each sample, ascending from 0.
-    weight : (groups,) angular length in radians, times INNER_WEIGHT where the sky is not behind.
+    weight : (groups,) angular length in radians, times inner_weight where the sky is not behind.
     """
 
     point: Float64Array
@@ -132,7 +88,7 @@ def sample_visible_outlines(scene: Scene, pose: Pose) -> OutlineSamples:
     centre = camera_position(pose)
     ends = _surface_edges(scene, centre)
     length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    count = np.maximum(1, (length / SAMPLE_SPACING_M).astype(int))
+    count = np.maximum(1, (length / OUTLINES.sample_spacing_m).astype(int))
     edge = np.repeat(np.arange(len(ends)), count)
     number = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
     along = (ends[:, 1] - ends[:, 0]) / np.maximum(length, 1e-9)[:, None]
@@ -149,13 +105,17 @@ def sample_visible_outlines(scene: Scene, pose: Pose) -> OutlineSamples:
         number[is_visible],
         is_sky[is_visible],
     )
-    group_keys, group = np.unique(np.column_stack([edge, number // SAMPLES_PER_GROUP]), axis=0, return_inverse=True)
+    group_keys, group = np.unique(
+        np.column_stack([edge, number // OUTLINES.samples_per_group]), axis=0, return_inverse=True
+    )
     group = group.reshape(-1)
     rays = point - centre
     distance = np.linalg.norm(rays, axis=1)
     sine = np.linalg.norm(np.cross(along, rays), axis=1) / distance
     weight = np.bincount(
-        group, SAMPLE_SPACING_M * sine / distance * np.where(is_sky, 1.0, INNER_WEIGHT), minlength=len(group_keys)
+        group,
+        OUTLINES.sample_spacing_m * sine / distance * np.where(is_sky, 1.0, OUTLINES.inner_weight),
+        minlength=len(group_keys),
     )
     weight[np.bincount(group, minlength=len(group_keys)) < 3] = 0
     return OutlineSamples(point, along, group.astype(np.int64), np.asarray(weight, np.float64))
@@ -165,7 +125,7 @@ def _surface_edges(scene: Scene, place: Float64Array) -> Float64Array:
     """Outline edges (k, 2, 3) of surfaces other than the ground near a position."""
     mesh, charts = scene.mesh, scene.charts
     corners = mesh.vertices[mesh.triangles]
-    near = (np.linalg.norm(corners - place, axis=2).min(axis=1) < MAX_OUTLINE_DISTANCE_M) & (
+    near = (np.linalg.norm(corners - place, axis=2).min(axis=1) < OUTLINES.max_outline_distance_m) & (
         charts.kind[mesh.chart] != ChartKind.GROUND
     )
     triangles, surface = corners[near], charts.surface[mesh.chart[near]]
@@ -195,27 +155,28 @@ def _visible_outline(
     normal, plane = charts.normals(), np.einsum("ij,ij->i", charts.normals(), charts.origin)
     depths, hits = [], []
     for side in (1, -1):
-        tilted = rays + side * np.tan(np.radians(SIDE_OFFSET_DEG)) * distance[:, None] * across
+        tilted = rays + side * np.tan(np.radians(OUTLINES.side_offset_deg)) * distance[:, None] * across
         depth, hit = scene.caster.cast(place, tilted)
         depths.append(depth)
         hits.append(hit)
     first_hit, second_hit = hits
     nearest = np.minimum(*depths)
-    is_visible = (nearest * distance > distance - OUTLINE_TOLERANCE_M - 0.15 * distance) & (nearest < 1.5)
+    is_visible = (nearest * distance > distance - OUTLINES.outline_tolerance_m - 0.15 * distance) & (nearest < 1.5)
     front_depth, _ = scene.caster.cast(
-        place, rays * (1 - OUTLINE_TOLERANCE_M / np.maximum(distance, 2 * OUTLINE_TOLERANCE_M))[:, None]
+        place,
+        rays * (1 - OUTLINES.outline_tolerance_m / np.maximum(distance, 2 * OUTLINES.outline_tolerance_m))[:, None],
     )
     is_visible &= front_depth >= 1.0
-    is_coplanar = (np.einsum("ij,ij->i", normal[first_hit], normal[second_hit]) > SAME_NORMAL_COS) & (
-        np.abs(plane[first_hit] - plane[second_hit]) < SAME_PLANE_M
-    )
+    is_coplanar = (
+        np.einsum("ij,ij->i", normal[first_hit], normal[second_hit]) > np.cos(np.radians(OUTLINES.same_normal_deg))
+    ) & (np.abs(plane[first_hit] - plane[second_hit]) < OUTLINES.same_plane_m)
     is_same = (
         (first_hit >= 0) & (second_hit >= 0) & is_coplanar & (charts.building[first_hit] == charts.building[second_hit])
     )
     is_ground = ((first_hit >= 0) & (charts.kind[first_hit] == ChartKind.GROUND)) | (
         (second_hit >= 0) & (charts.kind[second_hit] == ChartKind.GROUND)
     )
-    return is_visible & ~is_same & ~is_ground & (distance < MAX_OUTLINE_DISTANCE_M) & (distance > 1.0), (
+    return is_visible & ~is_same & ~is_ground & (distance < OUTLINES.max_outline_distance_m) & (distance > 1.0), (
         first_hit < 0
     ) | (second_hit < 0)
 
@@ -280,12 +241,14 @@ def outline_fit(
         len(outline.weight),
     )
     step = response / 8 * picture.blur * np.sqrt(2 * np.pi)
-    return float((outline.weight * np.minimum(step / FULL_STEP, 1)).sum() / outline.weight.sum())
+    return float((outline.weight * np.minimum(step / OUTLINES.full_step, 1)).sum() / outline.weight.sum())
 
 
 def coarse_and_fine_gradients(image: UInt8Array, pose: Pose) -> tuple[Gradients, Gradients]:
     """Compute the gradients of a panorama at the coarse and the fine resolution."""
-    return image_gradients(image, pose, *COARSE_RESOLUTION), image_gradients(image, pose, *FINE_RESOLUTION)
+    return image_gradients(image, pose, *OUTLINES.coarse_resolution), image_gradients(
+        image, pose, *OUTLINES.fine_resolution
+    )
 
 
 def fit_camera_position(
@@ -313,22 +276,29 @@ def fit_camera_position(
     from scipy.optimize import minimize
 
     pulls = np.array(
-        [HORIZONTAL_COST, HORIZONTAL_COST, ASSUMED_HEIGHT_COST if height_is_assumed else STATED_HEIGHT_COST]
+        [
+            OUTLINES.horizontal_cost,
+            OUTLINES.horizontal_cost,
+            OUTLINES.assumed_height_cost if height_is_assumed else OUTLINES.stated_height_cost,
+        ]
     )
 
     def cost(picture: Gradients, v: Float64Array) -> float:
-        pull = float(pulls @ v[:3] ** 2) + TURN_COST * float(v[3] / heading_deg) ** 2
+        pull = float(pulls @ v[:3] ** 2) + OUTLINES.turn_cost * float(v[3] / heading_deg) ** 2
         return pull - outline_fit(outline, picture, pose, v[:3], float(v[3]))
 
     coarse, fine = pictures
-    level = np.arange(-SEARCH_HORIZONTAL_M, SEARCH_HORIZONTAL_M + 1e-9, HORIZONTAL_STEP_M)
-    height = np.arange(-SEARCH_VERTICAL_M, SEARCH_VERTICAL_M + 1e-9, VERTICAL_STEP_M)
+    level = np.arange(-OUTLINES.search_horizontal_m, OUTLINES.search_horizontal_m + 1e-9, OUTLINES.horizontal_step_m)
+    height = np.arange(-OUTLINES.search_vertical_m, OUTLINES.search_vertical_m + 1e-9, OUTLINES.vertical_step_m)
     turns = np.arange(-2, 3) * heading_deg / 2 if heading_deg > 0.2 else np.zeros(1)
     grid = np.stack(np.meshgrid(level, level, height, turns, indexing="ij"), axis=-1).reshape(-1, 4)
     best = grid[int(np.argmin([cost(coarse, v) for v in grid]))]
-    for picture, size in ((coarse, HORIZONTAL_STEP_M / 2), (fine, HORIZONTAL_STEP_M / 4)):
+    for picture, size in ((coarse, OUTLINES.horizontal_step_m / 2), (fine, OUTLINES.horizontal_step_m / 4)):
         corners = best + np.vstack(
-            [np.zeros(4), np.diag([size, size, size * VERTICAL_STEP_M / HORIZONTAL_STEP_M, heading_deg / 2])]
+            [
+                np.zeros(4),
+                np.diag([size, size, size * OUTLINES.vertical_step_m / OUTLINES.horizontal_step_m, heading_deg / 2]),
+            ]
         )
         options = {"initial_simplex": corners, "xatol": 1e-3, "fatol": 1e-5, "maxiter": 200}
         best = minimize(lambda v, p=picture: cost(p, v), best, method="Nelder-Mead", options=options).x
@@ -340,8 +310,8 @@ def fit_camera_position(
         _fit_covariance(
             lambda v: -outline_fit(outline, coarse, pose, v[:3], float(v[3])),
             best,
-            np.array([HORIZONTAL_STEP_M, HORIZONTAL_STEP_M, HORIZONTAL_STEP_M, heading_deg]),
-            np.where([False, False, height_is_assumed, False], MAX_ASSUMED_HEIGHT_SIGMA_M, MAX_SIGMA),
+            np.array([OUTLINES.horizontal_step_m, OUTLINES.horizontal_step_m, OUTLINES.horizontal_step_m, heading_deg]),
+            np.where([False, False, height_is_assumed, False], OUTLINES.max_assumed_height_sigma_m, OUTLINES.max_sigma),
         ),
     )
 
@@ -351,7 +321,7 @@ def _fit_covariance(
 ) -> Float64Array:
     """Return the covariance (4, 4) at the minimum.
 
-    It is the inverse curvature over `steps` times SIGMA_COST, bounded by the errors `expected`.
+    It is the inverse curvature over `steps` times sigma_cost, bounded by the errors `expected`.
 
     The fit hardly changes along an edge, or with distance to a far edge: height and distance are correlated.
     """
@@ -364,8 +334,8 @@ def _fit_covariance(
                 4 * steps[i] * steps[j]
             )
     values, axes = np.linalg.eigh(curvature * np.outer(expected, expected))  # in standard errors
-    scaled = axes / np.maximum(values, SIGMA_COST) @ axes.T
-    return np.asarray(SIGMA_COST * scaled * np.outer(expected, expected))
+    scaled = axes / np.maximum(values, OUTLINES.sigma_cost) @ axes.T
+    return np.asarray(OUTLINES.sigma_cost * scaled * np.outer(expected, expected))
 
 
 @njit(cache=True, nogil=True)

@@ -14,32 +14,8 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float64Array, IntArray, UInt8Array
 from facade_core.geometry.scene import Scene
+from facade_core.imagery.poses.settings import PHOTO_MATCHING
 from facade_core.parsing.segmenter import facade_surroundings_mask
-
-# Height of hand-held cameras above the ground in metres.
-CAMERA_HEIGHT_M = 1.65
-# Height above the ground of the rays that look for the wall: above cars, below balconies.
-RAY_HEIGHT_M = 2.5
-# Standard error of a stated position in each direction, metres.
-POSITION_SIGMA_M = 5.0
-# Standard error of a stated heading, degrees.
-HEADING_SIGMA_DEG = 20.0
-# Share of stated headings that are plainly wrong.
-WRONG_HEADING_SHARE = 0.02
-# Standard error of the logarithm of a roof's height in the photo.
-ROOF_LOG_SIGMA = 0.15
-# Weight of the case that the photo shows none of the walls, as a share of matching rays.
-NO_WALL_WEIGHT = 0.005
-# Sampled positions per wall.
-POSITION_SAMPLES = 256
-# Farther walls, in metres, are not considered,
-MAX_WALL_DISTANCE_M = 60.0
-# nor walls seen farther from their normal, in degrees.
-MAX_OBLIQUITY_DEG = 70.0
-# Share of the photo's columns, around its middle, in which the roof is searched.
-ROOF_COLUMNS_SHARE = 0.06
-# Share of these columns that must show sky above the roof.
-MIN_SKY_SHARE = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,12 +103,12 @@ def _roof_slope(image: UInt8Array, seen: BoolArray, middle: float, camera: Float
     """Height of the roof's edge above the camera over the camera's distance, near a column of a rectified photo."""
     if not 0 <= middle < seen.shape[1]:
         return None
-    half = max(2, round(ROOF_COLUMNS_SHARE / 2 * seen.shape[1]))
+    half = max(2, round(PHOTO_MATCHING.roof_columns_share / 2 * seen.shape[1]))
     part = np.s_[:, max(int(middle) - half, 0) : int(middle) + half]
     wall = seen[part] & ~facade_surroundings_mask(image, ~seen)[part]
     top = np.argmax(wall, axis=0)
     sky = wall.any(axis=0) & (np.take_along_axis(seen[part], np.maximum(top - 3, 0)[None], 0)[0]) & (top > 3)
-    if sky.mean() < MIN_SKY_SHARE:
+    if sky.mean() < PHOTO_MATCHING.min_sky_share:
         return None
     return float((camera[1] - np.median(top[sky])) / camera[2])
 
@@ -164,40 +140,48 @@ def match_walls(
     direction[:, 2] = 0.0
     distance = np.linalg.norm((foot - place)[:, :2], axis=1) - charts.size[walls, 0] / 2
     candidates = np.flatnonzero(
-        (distance < MAX_WALL_DISTANCE_M)
-        & (np.einsum("ij,ij->i", place - foot, normal) > -3 * POSITION_SIGMA_M)
-        & (orientation.ahead[1] > np.cos(np.radians(MAX_OBLIQUITY_DEG)))
+        (distance < PHOTO_MATCHING.max_wall_distance_m)
+        & (np.einsum("ij,ij->i", place - foot, normal) > -3 * PHOTO_MATCHING.position_sigma_m)
+        & (orientation.ahead[1] > np.cos(np.radians(PHOTO_MATCHING.max_obliquity_deg)))
     )
-    offsets = np.random.default_rng(seed).normal(0, POSITION_SIGMA_M, (POSITION_SAMPLES, 2))
-    origin = np.column_stack([place[:2] + offsets, np.full(POSITION_SAMPLES, place[2] + RAY_HEIGHT_M)])
+    offsets = np.random.default_rng(seed).normal(
+        0, PHOTO_MATCHING.position_sigma_m, (PHOTO_MATCHING.position_samples, 2)
+    )
+    origin = np.column_stack(
+        [place[:2] + offsets, np.full(PHOTO_MATCHING.position_samples, place[2] + PHOTO_MATCHING.ray_height_m)]
+    )
     likelihood, hit_shares = np.zeros(len(walls)), np.zeros(len(walls))
     heading_offsets, roof_heights = np.full(len(walls), np.nan), np.full(len(walls), np.nan)
     for i in candidates.tolist():
         ray_length, met_chart = scene.caster.cast(origin, np.broadcast_to(direction[i], origin.shape))
-        is_hit = (met_chart == walls[i]) & (ray_length < MAX_WALL_DISTANCE_M)
+        is_hit = (met_chart == walls[i]) & (ray_length < PHOTO_MATCHING.max_wall_distance_m)
         hit_shares[i] = is_hit.mean()
         weight = is_hit.astype(float)
         if orientation.roof_slope is not None:
             wall_distance = np.where(is_hit, ray_length, 1.0) * orientation.ahead[1]
-            roof_above_camera = charts.size[walls[i], 1] - CAMERA_HEIGHT_M
+            roof_above_camera = charts.size[walls[i], 1] - PHOTO_MATCHING.camera_height_m
             weight *= np.exp(
                 -(
                     (
                         np.log(max(roof_above_camera, 0.5) / np.maximum(orientation.roof_slope * wall_distance, 0.5))
-                        / ROOF_LOG_SIGMA
+                        / PHOTO_MATCHING.roof_log_sigma
                     )
                     ** 2
                 )
                 / 2
             )
             roof_heights[i] = (
-                CAMERA_HEIGHT_M + orientation.roof_slope * np.median(wall_distance[is_hit]) if is_hit.any() else np.nan
+                PHOTO_MATCHING.camera_height_m + orientation.roof_slope * np.median(wall_distance[is_hit])
+                if is_hit.any()
+                else np.nan
             )
         likelihood[i] = weight.mean()
         if heading is not None:
             difference = (np.degrees(np.arctan2(direction[i, 0], direction[i, 1])) - heading + 180) % 360 - 180
-            likelihood[i] *= (1 - WRONG_HEADING_SHARE) * np.exp(
-                -((difference / HEADING_SIGMA_DEG) ** 2) / 2
-            ) + WRONG_HEADING_SHARE
+            likelihood[i] *= (1 - PHOTO_MATCHING.wrong_heading_share) * np.exp(
+                -((difference / PHOTO_MATCHING.heading_sigma_deg) ** 2) / 2
+            ) + PHOTO_MATCHING.wrong_heading_share
             heading_offsets[i] = difference
-    return WallLikelihoods(likelihood / (likelihood.sum() + NO_WALL_WEIGHT), hit_shares, heading_offsets, roof_heights)
+    return WallLikelihoods(
+        likelihood / (likelihood.sum() + PHOTO_MATCHING.no_wall_weight), hit_shares, heading_offsets, roof_heights
+    )

@@ -5,11 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from facade_core.core.arrays import Float64Array, Int64Array
-
-# Photos before and after each by name, and nearest ones within a distance in metres.
-NEXT_PHOTOS = 12
-NEAREST_PHOTOS = 12
-MAX_PAIR_DISTANCE_M = 40.0
+from facade_core.imagery.poses.settings import PHOTO_PAIRS
 
 
 def choose_pairs(places: Float64Array) -> Int64Array:
@@ -26,12 +22,16 @@ def choose_pairs(places: Float64Array) -> Int64Array:
     from scipy.spatial import KDTree
 
     count = len(places)
-    pairs = {(one, other) for one in range(count) for other in range(one + 1, min(one + NEXT_PHOTOS, count - 1) + 1)}
+    pairs = {
+        (one, other)
+        for one in range(count)
+        for other in range(one + 1, min(one + PHOTO_PAIRS.next_photos, count - 1) + 1)
+    }
     known = np.flatnonzero(np.isfinite(places).all(axis=1))
     if len(known) > 1:
-        nearest = min(NEAREST_PHOTOS + 1, len(known))
+        nearest = min(PHOTO_PAIRS.nearest_photos + 1, len(known))
         tree = KDTree(places[known])
-        away, neighbour = tree.query(places[known], k=nearest, distance_upper_bound=MAX_PAIR_DISTANCE_M)
+        away, neighbour = tree.query(places[known], k=nearest, distance_upper_bound=PHOTO_PAIRS.max_pair_distance_m)
         rows, columns = np.nonzero(np.isfinite(away))
         for one, other in zip(known[rows].tolist(), known[neighbour[rows, columns]].tolist(), strict=True):
             if one != other:

@@ -12,8 +12,6 @@ from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.panorama_camera import camera_position, rotate_pose, rotation_about_z
 from facade_core.imagery.poses.outlines import (
-    HORIZONTAL_COST,
-    STATED_HEIGHT_COST,
     CameraPositionEstimate,
     Gradients,
     OutlineSamples,
@@ -22,6 +20,7 @@ from facade_core.imagery.poses.outlines import (
     outline_fit,
     sample_visible_outlines,
 )
+from facade_core.imagery.poses.settings import OUTLINES, REFINEMENT
 from facade_core.imagery.poses.wall_lines import (
     WallLines,
     detect_wall_lines,
@@ -29,40 +28,6 @@ from facade_core.imagery.poses.wall_lines import (
     median_line_angle,
     solve_rotation_from_lines,
 )
-
-# Fewer lines do not determine a rotation,
-MIN_LINES = 24
-# nor does a smaller sum of their lengths in radians.
-MIN_LINE_LENGTH = 0.8
-# Larger rotations are rejected.
-MAX_TURN_DEG = 6.0
-# A rotation is accepted if it lowers the misfit of the lines by this share.
-MIN_MISFIT_DECREASE = 0.05
-# Groups of outline samples that a position needs,
-MIN_OUTLINE_GROUPS = 10
-# more in a picture of a lens, which has them on one side: on a painted street 12 moved a true pose by 0.4 m,
-MIN_LENS_OUTLINE_GROUPS = 30
-# and the sum of their lengths in radians.
-MIN_OUTLINE_LENGTH = 0.5
-# A position is accepted if its fit is at least this
-MIN_FIT = 0.3
-# and better by this.
-MIN_FIT_GAIN = 0.06
-# Expected error of the heading in degrees, as stated
-HEADING_SIGMA_DEG = 1.0
-# and after lines have corrected it.
-LINE_HEADING_SIGMA_DEG = 0.1
-# Heights above the stated one, in metres, from which the search starts too: other eaves are in front of the sky
-# there.
-START_HEIGHTS_M = (-2.0, 2.0)
-# The search restarts from a position that is higher or lower than its start by more than this, in metres,
-MIN_RESTART_M = 0.15
-# this often at most.
-MAX_RESTARTS = 2
-# Positions farther from the stated one are rejected: metres horizontally and vertically.
-MAX_OFFSET_M = (1.5, 3.0)
-# Share of a height correction that may be the model's error.
-HEIGHT_CHANGE_ERROR = 0.3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,25 +105,28 @@ def refine_pose(scene: Scene, image: UInt8Array, pose: Pose, *, height_is_assume
             scene,
             coarse_and_fine_gradients(image, levelled),
             levelled,
-            HEADING_SIGMA_DEG if reason else LINE_HEADING_SIGMA_DEG,
+            REFINEMENT.heading_sigma_deg if reason else REFINEMENT.line_heading_sigma_deg,
             height_is_assumed,
         )
         candidates = [
-            search.search_from_height(up) for up in ((0.0,) if height_is_assumed else (0.0, *START_HEIGHTS_M))
+            search.search_from_height(up)
+            for up in ((0.0,) if height_is_assumed else (0.0, *REFINEMENT.start_heights_m))
         ]
         best = search.search_again(
             max((candidate for candidate in candidates if candidate is not None), key=search.score)
         )
         fit_before, fit_after = outline_fit(outline, search.pictures[1], levelled, np.zeros(3)), best.fit
-        covariance = best.covariance if fit_after >= MIN_FIT and search.score(best) > 0 else None
-        if covariance is None or fit_after - fit_before < MIN_FIT_GAIN:
+        covariance = best.covariance if fit_after >= REFINEMENT.min_fit and search.score(best) > 0 else None
+        if covariance is None or fit_after - fit_before < REFINEMENT.min_fit_gain:
             reasons.append(f"place as given: the outlines fit {fit_before:.2f} there and at best {fit_after:.2f}")
             fit_after = fit_before
             if covariance is not None:  # the search bounds the error of the stated position
                 covariance = covariance + np.diag(np.append(best.offset, best.turn_deg) ** 2)
         else:
             refined, rotation = search.pose_at(best.offset, best.turn_deg), rotation_about_z(-best.turn_deg) @ rotation
-            covariance = best.covariance + np.diag([0.0, 0.0, (HEIGHT_CHANGE_ERROR * best.offset[2]) ** 2, 0.0])
+            covariance = best.covariance + np.diag(
+                [0.0, 0.0, (REFINEMENT.height_change_error * best.offset[2]) ** 2, 0.0]
+            )
     has_lines = len(lines) > 0
     return RefinedPose(
         pose=refined,
@@ -192,13 +160,18 @@ class _Search:
     def search_again(self, place: CameraPositionEstimate) -> CameraPositionEstimate:
         """Restart the search from a position while the result fits as well."""
         start = (
-            0.0 if self.height_is_assumed else min((0.0, *START_HEIGHTS_M), key=lambda up: abs(place.offset[2] - up))
+            0.0
+            if self.height_is_assumed
+            else min((0.0, *REFINEMENT.start_heights_m), key=lambda up: abs(place.offset[2] - up))
         )
-        for _ in range(MAX_RESTARTS):
-            if abs(place.offset[2] - start) <= MIN_RESTART_M:
+        for _ in range(REFINEMENT.max_restarts):
+            if abs(place.offset[2] - start) <= REFINEMENT.min_restart_m:
                 break
             start, found = float(place.offset[2]), self._search_from(place.offset, place.turn_deg)
-            if found is None or self.score(found) < max(MIN_FIT, self.score(place)) - MIN_FIT_GAIN:
+            if (
+                found is None
+                or self.score(found) < max(REFINEMENT.min_fit, self.score(place)) - REFINEMENT.min_fit_gain
+            ):
                 break
             place = found
         return place
@@ -206,9 +179,9 @@ class _Search:
     def score(self, place: CameraPositionEstimate) -> float:
         """Fit minus a penalty for the distance from the pose; -1 if too far."""
         level, up = float(np.hypot(*place.offset[:2])), abs(float(place.offset[2]))
-        if level > MAX_OFFSET_M[0] or up > MAX_OFFSET_M[1]:
+        if level > REFINEMENT.max_offset_m[0] or up > REFINEMENT.max_offset_m[1]:
             return -1.0
-        return place.fit - HORIZONTAL_COST * level**2 - STATED_HEIGHT_COST * up**2
+        return place.fit - OUTLINES.horizontal_cost * level**2 - OUTLINES.stated_height_cost * up**2
 
     def pose_at(self, offset: Float64Array, turn_deg: float) -> Pose:
         """Return the pose translated by metres (3,) and turned clockwise from above."""
@@ -228,28 +201,31 @@ class _Search:
 
 def _is_sufficient(edges: OutlineSamples, pose: Pose) -> bool:
     """Return True if outlines may determine a position."""
-    return int((edges.weight > 0).sum()) >= _needed_groups(pose) and float(edges.weight.sum()) >= MIN_OUTLINE_LENGTH
+    return (
+        int((edges.weight > 0).sum()) >= _needed_groups(pose)
+        and float(edges.weight.sum()) >= REFINEMENT.min_outline_length
+    )
 
 
 def _needed_groups(pose: Pose) -> int:
-    return MIN_OUTLINE_GROUPS if pose.lens is None else MIN_LENS_OUTLINE_GROUPS
+    return REFINEMENT.min_outline_groups if pose.lens is None else REFINEMENT.min_lens_outline_groups
 
 
 def _line_rotation(lines: WallLines) -> tuple[Float64Array, str]:
     """World rotation (3, 3) from lines, and the reason if it is rejected."""
     identity = np.eye(3)
-    if len(lines) < MIN_LINES or lines.weight.sum() < MIN_LINE_LENGTH:
+    if len(lines) < REFINEMENT.min_lines or lines.weight.sum() < REFINEMENT.min_line_length:
         return (
             identity,
-            f"turn as given: {len(lines)} lines on walls in sight, at least {MIN_LINES} long ones are needed",
+            f"turn as given: {len(lines)} lines on walls in sight, at least {REFINEMENT.min_lines} long ones are needed",
         )
     rotation, _ = solve_rotation_from_lines(lines)
-    if _rotation_angle_deg(rotation) > MAX_TURN_DEG:
+    if _rotation_angle_deg(rotation) > REFINEMENT.max_turn_deg:
         return (
             identity,
             f"turn as given: the lines on walls ask for {_rotation_angle_deg(rotation):.1f} degrees; check the heading",
         )
-    if line_misfit(lines, rotation) > (1 - MIN_MISFIT_DECREASE) * line_misfit(lines, identity):
+    if line_misfit(lines, rotation) > (1 - REFINEMENT.min_misfit_decrease) * line_misfit(lines, identity):
         return (
             identity,
             f"turn as given: lines on walls are {median_line_angle(lines, identity):.2f} degrees off and would stay so",

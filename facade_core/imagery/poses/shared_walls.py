@@ -24,34 +24,9 @@ from facade_core.core.arrays import (
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.panorama_camera import camera_from_world, camera_position
-from facade_core.imagery.poses.bundles import MIN_WALL_SHARE
+from facade_core.imagery.poses.settings import PANORAMA_BUNDLES, SHARED_WALLS
 from facade_core.imagery.rectify.fusion import ChartView
 from facade_core.imagery.rectify.panorama import find_sightings, rectify_chart_from_panorama
-
-# Density at which walls are compared.
-TEXELS_PER_METRE = 10.0
-# Side of a patch in metres.
-PATCH_SIDE_M = 4.0
-# Largest offset of a patch from its wall's shift in metres.
-MAX_PATCH_OFFSET_M = 0.6
-# Correlation from which a wall counts as found,
-MIN_WALL_CORRELATION = 0.3
-# and a patch.
-MIN_PATCH_CORRELATION = 0.5
-# A wall's shift is ambiguous if, this many metres away or farther,
-REPEAT_DISTANCE_M = 1.0
-# its correlation reaches this share of the best: its windows repeat.
-MAX_REPEAT_RATIO = 0.9
-# Views of a wall that are compared with each other, the best ones.
-MAX_VIEWS = 3
-# Standard deviation of the gradient that a patch needs.
-MIN_PATCH_CONTRAST = 2.0
-# Share of a patch that must be visible.
-MIN_PATCH_SEEN_SHARE = 0.8
-# Share of a wall that both pictures must show.
-MIN_COMMON_SHARE = 0.05
-# Texels by which aligned pictures may still be shifted.
-ALIGNED_TEXELS = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,12 +104,17 @@ def match_patches_between_panoramas(
     chart, panorama, ray, agreements = [], [], [], []
     for number in surfaces:
         extent = charts.size[number]
-        if extent.min() <= PATCH_SIDE_M:
+        if extent.min() <= SHARED_WALLS.patch_side_m:
             continue
-        shape = (round(float(extent[1]) * TEXELS_PER_METRE), round(float(extent[0]) * TEXELS_PER_METRE))
-        sightings = [s.panorama for s in find_sightings(scene, number, poses, sizes) if s.seen_share >= MIN_WALL_SHARE][
-            :MAX_VIEWS
-        ]
+        shape = (
+            round(float(extent[1]) * SHARED_WALLS.texels_per_metre),
+            round(float(extent[0]) * SHARED_WALLS.texels_per_metre),
+        )
+        sightings = [
+            s.panorama
+            for s in find_sightings(scene, number, poses, sizes)
+            if s.seen_share >= PANORAMA_BUNDLES.min_wall_share
+        ][: SHARED_WALLS.max_views]
         if len(sightings) < 2:
             continue
         side = np.array([placement.width[number], placement.height[number]]) / placement.texels_per_metre[number]
@@ -162,16 +142,16 @@ def match_patches_between_panoramas(
 
 
 def _gradient_correlation(one: GradientImage, other: GradientImage) -> float:
-    """Correlation, -1 to 1, of two aligned pictures over common pixels, the best within ALIGNED_TEXELS."""
-    best, inner = -1.0, slice(ALIGNED_TEXELS, -ALIGNED_TEXELS)
+    """Correlation, -1 to 1, of two aligned pictures over common pixels, the best within aligned_texels."""
+    best, inner = -1.0, slice(SHARED_WALLS.aligned_texels, -SHARED_WALLS.aligned_texels)
     a, seen = one.slope[inner, inner], one.seen[inner, inner]
     rows, columns = a.shape
-    for down in range(2 * ALIGNED_TEXELS + 1):
-        for right in range(2 * ALIGNED_TEXELS + 1):
+    for down in range(2 * SHARED_WALLS.aligned_texels + 1):
+        for right in range(2 * SHARED_WALLS.aligned_texels + 1):
             part = slice(down, down + rows), slice(right, right + columns)
             both = seen & other.seen[part]
             x, y = a[both], other.slope[part][both]
-            if both.mean() >= MIN_COMMON_SHARE and x.std() > 0 and y.std() > 0:
+            if both.mean() >= SHARED_WALLS.min_common_share and x.std() > 0 and y.std() > 0:
                 best = max(best, float(np.corrcoef(x, y)[0, 1]))
     return best
 
@@ -181,20 +161,25 @@ def _find_shift(one: GradientImage, other: GradientImage, reach: float) -> tuple
     import cv2
 
     height, width = one.slope.shape
-    down, right = (min(round(reach * TEXELS_PER_METRE), side // 4) for side in (height, width))
+    down, right = (min(round(reach * SHARED_WALLS.texels_per_metre), side // 4) for side in (height, width))
     around = np.ones((2 * down + 1, 2 * right + 1), np.uint8)
     both = np.asarray(cv2.erode(one.seen.astype(np.uint8), around), np.uint8) & other.seen  # seen under every shift
     inner = slice(down, height - down), slice(right, width - right)
-    if both[inner].mean() < MIN_COMMON_SHARE or other.slope[inner][both[inner] > 0].std() == 0:
+    if both[inner].mean() < SHARED_WALLS.min_common_share or other.slope[inner][both[inner] > 0].std() == 0:
         return None
     scores = cv2.matchTemplate(one.slope, other.slope[inner], cv2.TM_CCOEFF_NORMED, mask=both[inner].astype(np.float32))
     scores[~np.isfinite(scores)] = -1.0
     row, column = (int(index) for index in np.unravel_index(int(scores.argmax()), scores.shape))
     rows, columns = np.indices(scores.shape)
     elsewhere = float(
-        scores[np.hypot(rows - row, columns - column) > REPEAT_DISTANCE_M * TEXELS_PER_METRE].max(initial=-1.0)
+        scores[
+            np.hypot(rows - row, columns - column) > SHARED_WALLS.repeat_distance_m * SHARED_WALLS.texels_per_metre
+        ].max(initial=-1.0)
     )
-    if scores[row, column] < MIN_WALL_CORRELATION or elsewhere > MAX_REPEAT_RATIO * scores[row, column]:
+    if (
+        scores[row, column] < SHARED_WALLS.min_wall_correlation
+        or elsewhere > SHARED_WALLS.max_repeat_ratio * scores[row, column]
+    ):
         return None
     return column - right, row - down
 
@@ -206,7 +191,11 @@ def _match_patches(
     import cv2
 
     height, width = one.slope.shape
-    half, local, matches = round(PATCH_SIDE_M * TEXELS_PER_METRE / 2), round(MAX_PATCH_OFFSET_M * TEXELS_PER_METRE), []
+    half, local, matches = (
+        round(SHARED_WALLS.patch_side_m * SHARED_WALLS.texels_per_metre / 2),
+        round(SHARED_WALLS.max_patch_offset_m * SHARED_WALLS.texels_per_metre),
+        [],
+    )
     for y in range(half, height - half + 1, half):
         for x in range(half, width - half + 1, half):
             window = slice(y - half, y + half), slice(x - half, x + half)
@@ -214,14 +203,16 @@ def _match_patches(
             left, top = (max(0, to + by - half - local) for to, by in zip((x, y), shift, strict=True))
             around = slice(top, y + shift[1] + half + local), slice(left, x + shift[0] + half + local)
             candidates = one.slope[around]
-            if min(candidates.shape) < 2 * half + 3 or patch.std() < MIN_PATCH_CONTRAST:
+            if min(candidates.shape) < 2 * half + 3 or patch.std() < SHARED_WALLS.min_patch_contrast:
                 continue
-            if min(other.seen[window].mean(), one.seen[around].mean()) < MIN_PATCH_SEEN_SHARE:
+            if min(other.seen[window].mean(), one.seen[around].mean()) < SHARED_WALLS.min_patch_seen_share:
                 continue
             correlations = cv2.matchTemplate(candidates, patch, cv2.TM_CCOEFF_NORMED)
             row, column = (int(window) for window in np.unravel_index(int(correlations.argmax()), correlations.shape))
             last = correlations.shape[0] - 1, correlations.shape[1] - 1
-            if correlations[row, column] < MIN_PATCH_CORRELATION or not (0 < row < last[0] and 0 < column < last[1]):
+            if correlations[row, column] < SHARED_WALLS.min_patch_correlation or not (
+                0 < row < last[0] and 0 < column < last[1]
+            ):
                 continue
             fine_x, fine_y = (
                 _parabola_peak(correlations[row, column - 1 : column + 2]),

@@ -17,33 +17,9 @@ from facade_core.imagery.panorama_camera import (
     pixels_per_radian,
     project_directions_to_picture,
 )
+from facade_core.imagery.poses.settings import WALL_LINES
 from facade_core.imagery.rectify.line_segments import detect_line_segments
 from facade_core.imagery.rectify.panorama import rectify_chart_from_panorama
-
-# Width in pixels of the scan that finds the walls.
-SCAN_WIDTH = 512
-# Walls that are used at most.
-MAX_WALLS = 14
-# Smallest share of the sphere of a wall.
-MIN_WALL_SHARE_OF_SPHERE = 5e-4
-# Lines on walls seen at flatter angles are too stretched.
-MIN_FACING_DEG = 18.0
-# Finest raster of a wall.
-MAX_PIXELS_PER_METRE = 30.0
-# Longest side of that raster in pixels.
-MAX_RASTER_SIDE = 1200
-# Shortest line that counts, in pixels
-MIN_LINE_PIXELS = 14.0
-# and in metres.
-MIN_LINE_M = 0.45
-# Largest angle between a line and its axis.
-MAX_AXIS_ANGLE_DEG = 9.0
-# Cauchy scales in degrees, one round of reweighting each.
-CAUCHY_SCALES_DEG = (3.0, 2.0, 1.0, 0.6, 0.4, 0.3, 0.3, 0.3)
-# Expected error of the stated rotation in degrees,
-PRIOR_SIGMA_DEG = 3.0
-# against that of a line of one radian.
-LINE_SIGMA_DEG = 0.15
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,20 +84,24 @@ def detect_wall_lines(scene: Scene, image: UInt8Array, pose: Pose) -> WallLines:
 
 def _largest_walls(scene: Scene, pose: Pose) -> list[tuple[int, float]]:
     """Wall charts by their share of the sphere, largest first, with median distance in metres."""
-    rays = panorama_rays(np.array([0.0, 1.0]), SCAN_WIDTH)
+    rays = panorama_rays(np.array([0.0, 1.0]), WALL_LINES.scan_width)
     distance, chart = scene.caster.cast(camera_position(pose), rays)
     facing = -np.einsum("hwi,hwi->hw", rays, scene.charts.normals()[chart])
-    usable = (chart >= 0) & (scene.charts.kind[chart] == ChartKind.WALL) & (facing > np.sin(np.radians(MIN_FACING_DEG)))
-    usable &= is_in_view(project_directions_to_picture(rays, pose), pose)
-    area = np.cos((0.5 - (np.arange(SCAN_WIDTH // 2) + 0.5) / (SCAN_WIDTH // 2)) * np.pi)[:, None] * np.ones(
-        (1, SCAN_WIDTH)
+    usable = (
+        (chart >= 0)
+        & (scene.charts.kind[chart] == ChartKind.WALL)
+        & (facing > np.sin(np.radians(WALL_LINES.min_facing_deg)))
     )
+    usable &= is_in_view(project_directions_to_picture(rays, pose), pose)
+    area = np.cos((0.5 - (np.arange(WALL_LINES.scan_width // 2) + 0.5) / (WALL_LINES.scan_width // 2)) * np.pi)[
+        :, None
+    ] * np.ones((1, WALL_LINES.scan_width))
     share = np.bincount(chart[usable], area[usable], minlength=len(scene.charts)) / area.sum()
-    largest = np.argsort(-share, kind="stable")[:MAX_WALLS]
+    largest = np.argsort(-share, kind="stable")[: WALL_LINES.max_walls]
     return [
         (int(c), float(np.median(distance[usable & (chart == c)])))
         for c in largest.tolist()
-        if share[c] >= MIN_WALL_SHARE_OF_SPHERE
+        if share[c] >= WALL_LINES.min_wall_share_of_sphere
     ]
 
 
@@ -132,16 +112,16 @@ def _lines_on_wall(
     charts = scene.charts
     extent = charts.size[chart][::-1]
     density = min(
-        MAX_PIXELS_PER_METRE,
+        WALL_LINES.max_pixels_per_metre,
         1.2 * pixels_per_radian(pose, image.shape[1]) / distance,
-        MAX_RASTER_SIDE / extent.max(),
+        WALL_LINES.max_raster_side / extent.max(),
     )
     size = tuple(max(8, round(float(side) * density)) for side in extent)
     # the atlas's density depends on all panoramas, and the pose of one does not
     view = rectify_chart_from_panorama(scene, chart, image, pose, size, extent=charts.size[chart])
-    ends = detect_line_segments(view.rgb, view.seen, max(MIN_LINE_PIXELS, MIN_LINE_M * density))
+    ends = detect_line_segments(view.rgb, view.seen, max(WALL_LINES.min_line_pixels, WALL_LINES.min_line_m * density))
     across, down = np.abs(ends[:, 1] - ends[:, 0]).T
-    is_valid = np.minimum(across, down) <= np.tan(np.radians(MAX_AXIS_ANGLE_DEG)) * np.maximum(across, down)
+    is_valid = np.minimum(across, down) <= np.tan(np.radians(WALL_LINES.max_axis_angle_deg)) * np.maximum(across, down)
     ends, is_level = ends[is_valid], across[is_valid] > down[is_valid]
     metres = ends * (extent[::-1] / np.array(size[::-1]))
     rays = (
@@ -172,15 +152,15 @@ def solve_rotation_from_lines(lines: WallLines) -> tuple[Float64Array, Float64Ar
     from scipy.spatial.transform import Rotation
 
     turn = np.eye(3)
-    information = np.eye(3) / PRIOR_SIGMA_DEG**2
-    for scale in CAUCHY_SCALES_DEG:
+    information = np.eye(3) / WALL_LINES.prior_sigma_deg**2
+    for scale in WALL_LINES.cauchy_scales_deg:
         plane = lines.plane @ turn.T
         angle = np.degrees(np.arcsin(np.clip(np.einsum("ij,ij->i", plane, lines.axis), -1, 1)))
-        weight = (lines.weight / LINE_SIGMA_DEG) ** 2 / (1 + (angle / scale) ** 2)
+        weight = (lines.weight / WALL_LINES.line_sigma_deg) ** 2 / (1 + (angle / scale) ** 2)
         gradient = np.cross(plane, lines.axis)
-        information = (gradient * weight[:, None]).T @ gradient + np.eye(3) / PRIOR_SIGMA_DEG**2
+        information = (gradient * weight[:, None]).T @ gradient + np.eye(3) / WALL_LINES.prior_sigma_deg**2
         before = np.degrees(Rotation.from_matrix(turn).as_rotvec())
-        step = np.linalg.solve(information, -gradient.T @ (weight * angle) - before / PRIOR_SIGMA_DEG**2)
+        step = np.linalg.solve(information, -gradient.T @ (weight * angle) - before / WALL_LINES.prior_sigma_deg**2)
         turn = Rotation.from_rotvec(np.radians(step)).as_matrix() @ turn
     return turn, information
 

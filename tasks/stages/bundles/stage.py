@@ -17,8 +17,9 @@ from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import CORNER_SHARES
 from facade_core.geometry.walls import WallRole
 from facade_core.imagery.panorama_camera import GROUND_REACH_M
-from facade_core.imagery.poses.bundles import MIN_WALL_SHARE, group_panoramas_into_bundles
-from facade_core.imagery.poses.joint_refinement import MAX_TURN_PIXELS, PriorPose
+from facade_core.imagery.poses.bundles import group_panoramas_into_bundles
+from facade_core.imagery.poses.joint_refinement import PriorPose
+from facade_core.imagery.poses.settings import JOINT, PANORAMA_BUNDLES
 from facade_core.plan.plan import FacadeSightings, Plan
 from tasks.engine.pending_reasons import REASONS
 from tasks.engine.run import Run
@@ -35,7 +36,7 @@ from tasks.stages.shared.memory import LIBRARY_BYTES
 from tasks.stages.shared.picture_choice import choose_pictures
 
 # Bytes kept of each panorama of a bundle.
-SMALL_PANORAMA_BYTES = MAX_TURN_PIXELS * MAX_TURN_PIXELS // 2 * 3
+SMALL_PANORAMA_BYTES = JOINT.max_turn_pixels * JOINT.max_turn_pixels // 2 * 3
 
 
 def list_bundle_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
@@ -89,7 +90,7 @@ def _panorama_estimate(record: PoseRecord, plan: Plan, panorama: int) -> PriorPo
 def _bundle_charts(plan: Plan, bundle: Sequence[int]) -> tuple[int, ...]:
     """Return the charts of facades that two panoramas of a bundle show, and of ground near two of them, ascending."""
     seen = _street_sightings(plan)
-    shown = seen.facade[np.isin(seen.panorama, bundle) & (seen.seen >= MIN_WALL_SHARE)]
+    shown = seen.facade[np.isin(seen.panorama, bundle) & (seen.seen >= PANORAMA_BUNDLES.min_wall_share)]
     facade, count = np.unique(shown, return_counts=True)
     ground = plan.ground_near_cameras()
     corners = plan.scene.charts.points_at_shares(ground, CORNER_SHARES)[..., :2]

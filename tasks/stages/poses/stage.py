@@ -10,7 +10,7 @@ import shapely
 from catalogs.block.reader import Block
 from catalogs.file_digest import file_digest
 from facade_core.core.zarr_types import StoreGroup
-from facade_core.imagery.poses.outlines import MAX_OUTLINE_DISTANCE_M
+from facade_core.imagery.poses.settings import OUTLINES
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
 from tasks.engine.stage import ReingestContext, Stage, match_units_by_key_or_name
@@ -46,7 +46,7 @@ def ground_height_preferred_flags(block: Block) -> list[bool]:
     near = shapely.STRtree(guessed)
     poses = [panorama.pose for panorama in block.panoramas]
     places = shapely.points(np.array([(pose.x, pose.y) for pose in poses]).reshape(-1, 2))
-    beside = set(near.query(places, predicate="dwithin", distance=MAX_OUTLINE_DISTANCE_M)[0].tolist())
+    beside = set(near.query(places, predicate="dwithin", distance=OUTLINES.max_outline_distance_m)[0].tolist())
     return [pose.z is None or i in beside for i, pose in enumerate(poses)]
 
 
