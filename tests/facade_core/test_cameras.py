@@ -14,13 +14,9 @@ from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
 from facade_core.imagery.cameras.camera_view import PanoramaCamera
 from facade_core.imagery.cameras.exposure import estimate_common_exposure, sample_ground_colours, typical_ground_colour
-from facade_core.imagery.cameras.ground import (
-    MIN_GROUND_DISTANCE_M,
-    MIN_UNCONFIRMED_DISTANCE_M,
-    fuse_ground_view,
-    select_trusted_ground_texels,
-)
-from facade_core.imagery.cameras.occluder_masks import GROUND_TOP_DEG, mask_ground_occluders
+from facade_core.imagery.cameras.ground import fuse_ground_view, select_trusted_ground_texels
+from facade_core.imagery.cameras.occluder_masks import mask_ground_occluders
+from facade_core.imagery.cameras.settings import GROUND, OCCLUDERS
 from facade_core.imagery.panorama_camera import GROUND_REACH_M
 from facade_core.imagery.rectify.fusion import ChartView
 
@@ -62,10 +58,10 @@ def test_two_that_agree_outvote_a_third() -> None:
 @pytest.mark.parametrize(
     ("metres", "colour", "usual", "taken"),
     [
-        (MIN_UNCONFIRMED_DISTANCE_M + 1, 100.0, USUAL, True),
-        (MIN_UNCONFIRMED_DISTANCE_M - 1, 100.0, USUAL, False),  # may be its own vehicle
-        (MIN_UNCONFIRMED_DISTANCE_M + 1, 220.0, USUAL, False),  # a white van
-        (MIN_UNCONFIRMED_DISTANCE_M + 1, 100.0, None, False),
+        (GROUND.min_unconfirmed_distance_m + 1, 100.0, USUAL, True),
+        (GROUND.min_unconfirmed_distance_m - 1, 100.0, USUAL, False),  # may be its own vehicle
+        (GROUND.min_unconfirmed_distance_m + 1, 220.0, USUAL, False),  # a white van
+        (GROUND.min_unconfirmed_distance_m + 1, 100.0, None, False),
     ],
 )
 def test_one_camera_alone_is_believed_far_enough_away_and_where_all_is_as_usual(
@@ -139,7 +135,7 @@ def test_a_painted_street_is_got_back_in_one_exposure(street: SyntheticStreet) -
         off = np.linalg.norm(points[:, :2] - places, axis=1)
         others = np.array([[c.pose.x, c.pose.y] for c in cameras])[1 - shown.camera[rows, columns]]
         # its own vehicle may be there unless the other camera shows the same ground
-        near = off < MIN_GROUND_DISTANCE_M - 0.2
+        near = off < GROUND.min_ground_distance_m - 0.2
         assert (np.linalg.norm(points[near, :2] - others[near], axis=1) < GROUND_REACH_M + 0.2).all()
         assert off.max() < GROUND_REACH_M + 0.2
         assert (shown.camera[~shown.is_visible] == -1).all()
@@ -163,7 +159,7 @@ def test_a_view_of_the_panorama_is_masked_where_the_parser_sees_things(monkeypat
     image[200:230, 340:380] = [220, 20, 20]
     mask = mask_ground_occluders(image, Pose(0, 0, 2.5, 0.0))
     assert mask[202:228, 342:378].all()
-    assert not mask[: round((90 - GROUND_TOP_DEG) * 2)].any()
+    assert not mask[: round((90 - OCCLUDERS.ground_top_deg) * 2)].any()
     assert mask.sum() < 2.2 * 30 * 40
     half = mask_ground_occluders(image[90:, 180:540], Pose(0, 0, 2.5, 0.0, view=(0.25, 0.25, 0.5, 0.75)))
     assert (half == mask[90:, 180:540]).mean() > 0.995

@@ -9,22 +9,8 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float32Array, NumericArray, UInt8Array
 from facade_core.core.levelling import fill_unknown_values
+from facade_core.imagery.cameras.settings import AGREEMENT
 from facade_core.imagery.rectify.fusion import ChartView
-
-# Side in metres of the squares by which cameras are compared.
-COMPARED_SQUARE_M = 0.5
-# Colours of one surface in two pictures of one exposure differ by no more than this, as a log ratio.
-MAX_LOG_DIFFERENCE = 0.22
-# Share of a square that must be clear for a comparison.
-MIN_CLEAR_SHARE = 0.25
-# Side in metres of the cells that find trunks, posts and cables, which are narrower than a square.
-THIN_CELL_M = 0.125
-# Side in metres of the window whose median a cell is compared with.
-MEDIAN_WINDOW_M = 1.6
-# Log ratio to that median from which a cell is a thin object.
-MIN_THIN_CONTRAST = 0.3
-# Cells around a thin object that are removed too, and in which another camera may confirm its colour.
-THIN_RIM_CELLS = 2
 
 
 class ViewAgreementBySquares(NamedTuple):
@@ -66,9 +52,9 @@ def compare_views_by_squares(views: Sequence[ChartView], density: float) -> View
     -------
     The agreement of every view with the others.
     """
-    side = max(1, round(COMPARED_SQUARE_M * density))
+    side = max(1, round(AGREEMENT.compared_square_m * density))
     colours, shares = zip(*(mean_log_colour(view.rgb, view.clear, side) for view in views), strict=True)
-    is_usable, log_colour = np.stack(shares) > MIN_CLEAR_SHARE, np.stack(colours)
+    is_usable, log_colour = np.stack(shares) > AGREEMENT.min_clear_share, np.stack(colours)
     is_confirmed, is_contradicted = np.zeros(is_usable.shape, bool), np.zeros(is_usable.shape, bool)
     for i in range(len(views)):
         for j in range(len(views)):
@@ -99,20 +85,22 @@ def find_thin_objects(views: Sequence[ChartView], density: float) -> list[BoolAr
     """
     import cv2
 
-    side = max(1, round(THIN_CELL_M * density))
-    window = 2 * round(MEDIAN_WINDOW_M / THIN_CELL_M / 2) + 1
+    side = max(1, round(AGREEMENT.thin_cell_m * density))
+    window = 2 * round(AGREEMENT.median_window_m / AGREEMENT.thin_cell_m / 2) + 1
     log_colour, shares = zip(*(mean_log_colour(view.rgb, view.clear, side) for view in views), strict=True)
-    is_usable = [share > MIN_CLEAR_SHARE for share in shares]
+    is_usable = [share > AGREEMENT.min_clear_share for share in shares]
     masks = []
     for i, view in enumerate(views):
         colour = np.rint(fill_unknown_values(np.exp(log_colour[i]), is_usable[i])).clip(1, 255).astype(np.uint8)
         median_colour = np.log(np.maximum(cv2.medianBlur(colour, window), 1).astype(np.float32))
-        is_thin = is_usable[i] & (np.abs(log_colour[i] - median_colour).max(axis=2) > MIN_THIN_CONTRAST)
+        is_thin = is_usable[i] & (np.abs(log_colour[i] - median_colour).max(axis=2) > AGREEMENT.min_thin_contrast)
         for j in range(len(views)):
-            box = _bounding_box(is_thin, THIN_RIM_CELLS)
+            box = _bounding_box(is_thin, AGREEMENT.thin_rim_cells)
             if j != i and is_usable[j][box].any():
-                is_thin[box] &= ~_has_match(log_colour[i][box], log_colour[j][box], is_usable[j][box], THIN_RIM_CELLS)
-        with_rim = cv2.dilate(is_thin.astype(np.uint8), np.ones((2 * THIN_RIM_CELLS + 1,) * 2, np.uint8)) > 0
+                is_thin[box] &= ~_has_match(
+                    log_colour[i][box], log_colour[j][box], is_usable[j][box], AGREEMENT.thin_rim_cells
+                )
+        with_rim = cv2.dilate(is_thin.astype(np.uint8), np.ones((2 * AGREEMENT.thin_rim_cells + 1,) * 2, np.uint8)) > 0
         masks.append(squares_to_texels(with_rim, side, view.seen.shape))
     return masks
 
@@ -143,7 +131,7 @@ def _has_match(log_colour: Float32Array, other: Float32Array, is_usable: BoolArr
         for right in range(2 * reach + 1):
             window = (slice(down, down + rows), slice(right, right + columns))
             is_matched |= usable_padded[window] & (
-                np.abs(log_colour - padded[window]).max(axis=2) <= MAX_LOG_DIFFERENCE
+                np.abs(log_colour - padded[window]).max(axis=2) <= AGREEMENT.max_log_difference
             )
     return is_matched
 

@@ -9,12 +9,8 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, IntArray, UInt8Array
 from facade_core.core.types import Pose
+from facade_core.imagery.cameras.settings import CAMERA_VIEWS
 from facade_core.imagery.rectify.fusion import ChartView, fuse_views
-
-# Smaller pieces, in square metres, are left to the material.
-MIN_PIECE_M2 = 2.0
-# Narrower pieces, in metres, are left to the material.
-MIN_PIECE_WIDTH_M = 0.6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,10 +108,10 @@ def _drop_small_pieces(is_visible: BoolArray, density: float) -> BoolArray:
     import cv2
     from skimage.morphology import remove_small_objects
 
-    side = max(1, round(MIN_PIECE_WIDTH_M * density))
+    side = max(1, round(CAMERA_VIEWS.min_piece_width_m * density))
     narrow = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
     # replicated border: a piece that the raster's border cuts continues on the next chart
     padded = cv2.copyMakeBorder(is_visible.astype(np.uint8), side, side, side, side, cv2.BORDER_REPLICATE)
     opened = cv2.morphologyEx(padded, cv2.MORPH_OPEN, narrow)[side:-side, side:-side] > 0
-    kept: BoolArray = remove_small_objects(opened & is_visible, max_size=round(MIN_PIECE_M2 * density**2))
+    kept: BoolArray = remove_small_objects(opened & is_visible, max_size=round(CAMERA_VIEWS.min_piece_m2 * density**2))
     return kept

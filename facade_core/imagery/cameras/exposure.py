@@ -12,40 +12,13 @@ from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
+from facade_core.imagery.cameras.settings import EXPOSURE
 from facade_core.imagery.panorama_camera import (
     camera_position,
     is_in_view,
     pixels_per_radian,
     project_directions_to_picture,
 )
-
-# Side in metres of the world grid's squares whose colours are compared; larger than the error of a pose.
-GRID_SQUARE_M = 2.0
-# Distance in metres from the camera at which ground samples begin.
-MIN_SAMPLE_DISTANCE_M = 4.0
-# Distance in metres from the camera at which ground samples end.
-MAX_SAMPLE_DISTANCE_M = 14.0
-# Rays per turn that look for the ground.
-RAYS_PER_TURN = 240
-# Rows of these rays.
-RAY_ROWS = 32
-# Steepest row, in degrees below the horizon.
-MAX_DEPRESSION_DEG = 40.0
-# Flattest row, in degrees below the horizon.
-MIN_DEPRESSION_DEG = 8.0
-# Samples that a square's colour needs.
-MIN_SQUARE_SAMPLES = 3
-# Squares that a pair's ratio or a typical ground colour needs.
-MIN_SHARED_SQUARES = 6
-# Grey levels of well exposed colours.
-EXPOSED_RANGE = (8, 247)
-# Larger factors mean that two pictures do not show the same thing.
-MAX_FACTOR = 2.0
-# Weight that holds each camera to a factor of one, against a pair's weight of the square root of its squares. A
-# shared difference is a difference between pictures, not a sign that all are too dark.
-FACTOR_DAMPING = 0.3
-# Factors are multiples of this, so that small changes do not make units stale.
-FACTOR_STEP = 1 / 64
 
 
 class GroundColourSamples(NamedTuple):
@@ -54,7 +27,7 @@ class GroundColourSamples(NamedTuple):
     Attributes
     ----------
     height : height of the camera above the ground in metres, None without ground below.
-    squares : (n, 5) integers: east and north of the square in GRID_SQUARE_M, then its red, green and blue.
+    squares : (n, 5) integers: east and north of the square in grid_square_m, then its red, green and blue.
     """
 
     height: float | None
@@ -86,13 +59,15 @@ def sample_ground_colours(scene: Scene, image: UInt8Array, pose: Pose) -> Ground
     below, chart = scene.caster.cast(centre, np.array([[0.0, 0.0, -1.0]]))
     if chart[0] == MISS or scene.charts.kind[chart[0]] != ChartKind.GROUND:
         return GroundColourSamples(None, [])
-    latitude = np.radians(-np.linspace(MIN_DEPRESSION_DEG, MAX_DEPRESSION_DEG, RAY_ROWS))[:, None]
-    longitude = (np.arange(RAYS_PER_TURN) + 0.5)[None] / RAYS_PER_TURN * 2 * np.pi
+    latitude = np.radians(-np.linspace(EXPOSURE.min_depression_deg, EXPOSURE.max_depression_deg, EXPOSURE.ray_rows))[
+        :, None
+    ]
+    longitude = (np.arange(EXPOSURE.rays_per_turn) + 0.5)[None] / EXPOSURE.rays_per_turn * 2 * np.pi
     rays = np.stack(
         [
             np.sin(longitude) * np.cos(latitude),
             np.cos(longitude) * np.cos(latitude),
-            np.broadcast_to(np.sin(latitude), (RAY_ROWS, RAYS_PER_TURN)),
+            np.broadcast_to(np.sin(latitude), (EXPOSURE.ray_rows, EXPOSURE.rays_per_turn)),
         ],
         axis=-1,
     ).reshape(-1, 3)
@@ -101,29 +76,31 @@ def sample_ground_colours(scene: Scene, image: UInt8Array, pose: Pose) -> Ground
     share = project_directions_to_picture(rays, pose)
     usable = (
         (hit != MISS)
-        & (distance >= MIN_SAMPLE_DISTANCE_M)
-        & (distance <= MAX_SAMPLE_DISTANCE_M)
+        & (distance >= EXPOSURE.min_sample_distance_m)
+        & (distance <= EXPOSURE.max_sample_distance_m)
         & is_in_view(share, pose)
     )
     usable[usable] = scene.charts.kind[hit[usable]] == ChartKind.GROUND
     if not usable.any():
         return GroundColourSamples(round(float(below[0]), 3), [])
     left, top, wide, high = pose.view
-    columns, rows = max(1, round(2 * RAYS_PER_TURN * wide)), max(1, round(RAYS_PER_TURN * high))
+    columns, rows = max(1, round(2 * EXPOSURE.rays_per_turn * wide)), max(1, round(EXPOSURE.rays_per_turn * high))
     if pose.lens is not None:  # as sharp on the axis
-        shrink = min(1.0, 2 * RAYS_PER_TURN / (2 * np.pi) / pixels_per_radian(pose, image.shape[1]))
+        shrink = min(1.0, 2 * EXPOSURE.rays_per_turn / (2 * np.pi) / pixels_per_radian(pose, image.shape[1]))
         columns, rows = (max(1, round(side * shrink)) for side in (image.shape[1], image.shape[0]))
     small = cv2.resize(image, (columns, rows), interpolation=cv2.INTER_AREA)
     column = ((share[usable, 0] - left) % 1.0 / wide * columns).astype(np.intp).clip(max=columns - 1)
     row = ((share[usable, 1] - top) / high * len(small)).astype(np.intp).clip(0, len(small) - 1)
     colour = small[row, column]
     points = centre[:2] + (depth[usable, None] * rays[usable])[:, :2]
-    square, square_index = np.unique(np.floor(points / GRID_SQUARE_M).astype(np.int64), axis=0, return_inverse=True)
+    square, square_index = np.unique(
+        np.floor(points / EXPOSURE.grid_square_m).astype(np.int64), axis=0, return_inverse=True
+    )
     square_index = square_index.reshape(-1)
     squares = []
     for index, (east, north) in enumerate(square.tolist()):
         samples = colour[square_index == index]
-        if len(samples) >= MIN_SQUARE_SAMPLES:
+        if len(samples) >= EXPOSURE.min_square_samples:
             squares.append([east, north, *np.round(np.median(samples, axis=0)).astype(int).tolist()])
     return GroundColourSamples(round(float(below[0]), 3), squares)
 
@@ -163,7 +140,7 @@ def estimate_common_exposure(squares_by_camera: Sequence[Sequence[Sequence[int]]
     equations, ratios = [], []
     for i, j in pairs:
         shared = sorted(colours[i].keys() & colours[j].keys())
-        if len(shared) >= MIN_SHARED_SQUARES:
+        if len(shared) >= EXPOSURE.min_shared_squares:
             both = np.array([[colours[one][square] for square in shared] for one in (i, j)], np.float64)
             weight = np.sqrt(len(shared))
             equations.append((i, j, weight))
@@ -179,12 +156,15 @@ def estimate_common_exposure(squares_by_camera: Sequence[Sequence[Sequence[int]]
     matrix = coo_array(
         (np.concatenate([weight, -weight]), (np.tile(row, 2), np.concatenate([first, second]))), (len(row), n)
     )
-    damping = coo_array((np.full(n, FACTOR_DAMPING), (np.arange(n), np.arange(n))), (n, n))
+    damping = coo_array((np.full(n, EXPOSURE.factor_damping), (np.arange(n), np.arange(n))), (n, n))
     system = vstack([matrix, damping]).tocsc()
     right = np.vstack([*ratios, np.zeros((n, 3))])
     solution = np.column_stack([spsolve((system.T @ system).tocsc(), system.T @ right[:, band]) for band in range(3)])
     factors: Float64Array = (
-        np.round(np.exp(np.clip(solution, -np.log(MAX_FACTOR), np.log(MAX_FACTOR))) / FACTOR_STEP) * FACTOR_STEP
+        np.round(
+            np.exp(np.clip(solution, -np.log(EXPOSURE.max_factor), np.log(EXPOSURE.max_factor))) / EXPOSURE.factor_step
+        )
+        * EXPOSURE.factor_step
     )
     return CommonExposure(factors, is_shared)
 
@@ -201,7 +181,7 @@ def typical_ground_colour(squares: Sequence[Sequence[int]]) -> tuple[Float64Arra
     Two arrays (3,), None with too few well exposed squares.
     """
     colours = np.array([one[2:] for one in squares if _is_exposed(one[2:])], np.float64)
-    if len(colours) < MIN_SHARED_SQUARES:
+    if len(colours) < EXPOSURE.min_shared_squares:
         return None
     logs = np.log(colours)
     middle = np.median(logs, axis=0)
@@ -209,4 +189,4 @@ def typical_ground_colour(squares: Sequence[Sequence[int]]) -> tuple[Float64Arra
 
 
 def _is_exposed(colour: Sequence[int]) -> bool:
-    return min(colour) >= EXPOSED_RANGE[0] and max(colour) <= EXPOSED_RANGE[1]
+    return min(colour) >= EXPOSURE.exposed_range[0] and max(colour) <= EXPOSURE.exposed_range[1]

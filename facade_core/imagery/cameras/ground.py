@@ -24,26 +24,10 @@ from facade_core.imagery.cameras.camera_view import (
     fuse_camera_views,
 )
 from facade_core.imagery.cameras.matching_detail import find_matching_detail, select_parallax_pairs
+from facade_core.imagery.cameras.settings import GROUND
 from facade_core.imagery.panorama_camera import GROUND_REACH_M, camera_position, camera_reach
 from facade_core.imagery.rectify.fusion import ChartView
 from facade_core.imagery.rectify.panorama import rectify_chart_from_panorama
-
-# Nearer than this, in metres, the camera's own vehicle hides the ground.
-MIN_GROUND_DISTANCE_M = 3.4
-# Nearer than this, in metres, a panorama that no other camera confirms may show the camera's own vehicle. A picture of a lens
-# looks ahead.
-MIN_UNCONFIRMED_DISTANCE_M = 7.0
-# Squares that other cameras must confirm before unconfirmed ones of a view are trusted. A camera without
-# neighbours would leave a ring of ground around it.
-MIN_CONFIRMED_SQUARES = 24
-# Share of the squares seen by others that must be confirmed likewise.
-MIN_CONFIRMED_SHARE = 0.5
-# Unconfirmed ground differs from the typical ground colour by at most this log ratio,
-MAX_LOG_DEVIATION = 0.35
-# or by this many times its median absolute deviation.
-MAX_DEVIATION_SPREADS = 3.0
-# Metres around a doubted square that are removed too: objects reach over its border.
-DOUBT_RIM_M = 0.3
 
 
 class _GroundView(NamedTuple):
@@ -119,7 +103,7 @@ def select_trusted_ground_texels(
     """
     import cv2
 
-    squares, trusted, rim = compare_views_by_squares(views, density), [], round(DOUBT_RIM_M * density)
+    squares, trusted, rim = compare_views_by_squares(views, density), [], round(GROUND.doubt_rim_m * density)
     for i, view in enumerate(views):
         supported, opposed, alone = (
             squares.is_confirmed[i],
@@ -130,20 +114,21 @@ def select_trusted_ground_texels(
         confirmed_count = int(supported.sum())
         if (
             ground_colour is None
-            or confirmed_count < MIN_CONFIRMED_SQUARES
-            or confirmed_count < MIN_CONFIRMED_SHARE * (supported | opposed).sum()
+            or confirmed_count < GROUND.min_confirmed_squares
+            or confirmed_count < GROUND.min_confirmed_share * (supported | opposed).sum()
         ):
             alone[:] = False
         else:
             middle, spread = ground_colour
             alone &= (
-                np.abs(squares.log_colour[i] - middle) <= np.maximum(MAX_LOG_DEVIATION, MAX_DEVIATION_SPREADS * spread)
+                np.abs(squares.log_colour[i] - middle)
+                <= np.maximum(GROUND.max_log_deviation, GROUND.max_deviation_spreads * spread)
             ).all(axis=2)
         doubted = squares.is_usable[i] & ~supported & ~alone
         texels = [squares_to_texels(square, squares.side, view.seen.shape) for square in (supported, alone, doubted)]
         near_doubt = cv2.dilate(texels[2].astype(np.uint8), np.ones((2 * rim + 1,) * 2, np.uint8)) > 0
         trusted.append(
-            view.clear & (texels[0] | (texels[1] & (distance[i] >= MIN_UNCONFIRMED_DISTANCE_M))) & ~near_doubt
+            view.clear & (texels[0] | (texels[1] & (distance[i] >= GROUND.min_unconfirmed_distance_m))) & ~near_doubt
         )
     return [
         is_trusted & ~is_thin for is_trusted, is_thin in zip(trusted, find_thin_objects(views, density), strict=True)
@@ -168,12 +153,12 @@ def _clear_matching_ground(scene: Scene, chart: int, shown: Sequence[_GroundView
 
 
 def _ground_view(scene: Scene, chart: int, camera: PanoramaCamera) -> _GroundView:
-    """Rectify a chart in the common exposure, within the camera's reach; nearer than MIN_GROUND_DISTANCE_M it is occluded."""
+    """Rectify a chart in the common exposure, within the camera's reach; nearer than min_ground_distance_m it is occluded."""
     size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
     distance = _ground_distance(scene, chart, camera.pose)
     view = rectify_chart_from_panorama(scene, chart, camera.image, camera.pose, size, camera.occluded)
     reach = camera_reach(camera.pose, GROUND_REACH_M)
-    hidden = view.seen & (~view.clear | (distance < MIN_GROUND_DISTANCE_M))
+    hidden = view.seen & (~view.clear | (distance < GROUND.min_ground_distance_m))
     view = equalise_exposure(replace(view, occluded=hidden), camera, distance <= reach)
     private = None
     if camera.private is not None:

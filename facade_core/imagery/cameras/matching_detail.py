@@ -12,26 +12,10 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float32Array
 from facade_core.core.types import Pose
-from facade_core.imagery.cameras.agreement import MAX_LOG_DIFFERENCE, mean_log_colour, squares_to_texels
+from facade_core.imagery.cameras.agreement import mean_log_colour, squares_to_texels
+from facade_core.imagery.cameras.settings import AGREEMENT, DETAIL
 from facade_core.imagery.panorama_camera import camera_position
 from facade_core.imagery.rectify.fusion import ChartView
-
-# Side in metres of the cells whose colours are correlated,
-DETAIL_CELL_M = 0.125
-# and cells along a side of the windows of the correlation.
-WINDOW_CELLS = 9
-# Share of a window that both views must show.
-MIN_SHARED_SHARE = 0.5
-# Correlation from which views show the same detail,
-MIN_CORRELATION = 0.6
-# where both have detail: standard deviation of log brightness. Sensor noise and compression have less.
-MIN_DETAIL = 0.03
-# Cells along a side of the neighbourhood of a cell of which more than this share must be alike: single cells agree by chance,
-# and windows reach over the outline of an object.
-NEIGHBOUR_CELLS = 5
-MIN_ALIKE_SHARE = 0.8
-# Distance between two cameras over the larger height above the surface, from which an object 0.3 m high is shifted by 0.15 m.
-MIN_PARALLAX = 0.5
 
 
 def select_parallax_pairs(poses: Sequence[Pose], height: float) -> list[tuple[int, int]]:
@@ -41,7 +25,7 @@ def select_parallax_pairs(poses: Sequence[Pose], height: float) -> list[tuple[in
         (i, j)
         for i in range(len(places))
         for j in range(i)
-        if np.hypot(*(places[i] - places[j])[:2]) >= MIN_PARALLAX * (max(places[i][2], places[j][2]) - height)
+        if np.hypot(*(places[i] - places[j])[:2]) >= DETAIL.min_parallax * (max(places[i][2], places[j][2]) - height)
     ]
 
 
@@ -66,16 +50,16 @@ def find_matching_detail(
     """
     import cv2
 
-    side = max(1, round(DETAIL_CELL_M * density))
+    side = max(1, round(DETAIL.detail_cell_m * density))
     cells = [mean_log_colour(view.rgb, view.seen, side) for view in views]
     matched = [np.zeros(share.shape, bool) for _, share in cells]
     for i, j in pairs:
-        both = (cells[i][1] > MIN_SHARED_SHARE) & (cells[j][1] > MIN_SHARED_SHARE)
+        both = (cells[i][1] > DETAIL.min_shared_share) & (cells[j][1] > DETAIL.min_shared_share)
         if not both.any():
             continue
-        alike = both & (np.abs(cells[i][0] - cells[j][0]).max(axis=2) <= MAX_LOG_DIFFERENCE)
-        alike &= _correlation(cells[i][0].mean(axis=2), cells[j][0].mean(axis=2), both) >= MIN_CORRELATION
-        most = (cv2.blur(alike.astype(np.float32), (NEIGHBOUR_CELLS,) * 2) > MIN_ALIKE_SHARE) & both
+        alike = both & (np.abs(cells[i][0] - cells[j][0]).max(axis=2) <= AGREEMENT.max_log_difference)
+        alike &= _correlation(cells[i][0].mean(axis=2), cells[j][0].mean(axis=2), both) >= DETAIL.min_correlation
+        most = (cv2.blur(alike.astype(np.float32), (DETAIL.neighbour_cells,) * 2) > DETAIL.min_alike_share) & both
         matched[i] |= most
         matched[j] |= most
     return [
@@ -88,12 +72,12 @@ def _correlation(first: Float32Array, second: Float32Array, both: BoolArray) -> 
     import cv2
 
     def mean(values: Float32Array) -> Float32Array:
-        return np.asarray(cv2.blur(values * both, (WINDOW_CELLS, WINDOW_CELLS)) / share, np.float32)
+        return np.asarray(cv2.blur(values * both, (DETAIL.window_cells, DETAIL.window_cells)) / share, np.float32)
 
-    shared = np.asarray(cv2.blur(both.astype(np.float32), (WINDOW_CELLS, WINDOW_CELLS)), np.float32)
+    shared = np.asarray(cv2.blur(both.astype(np.float32), (DETAIL.window_cells, DETAIL.window_cells)), np.float32)
     share = np.maximum(shared, 1e-6)
     first, second = first - mean(first), second - mean(second)
     deviations = [np.sqrt(np.maximum(mean(one * one) - mean(one) ** 2, 0)) for one in (first, second)]
     covariance = mean(first * second) - mean(first) * mean(second)
-    has_detail = (np.minimum(*deviations) > MIN_DETAIL) & (shared > MIN_SHARED_SHARE)
+    has_detail = (np.minimum(*deviations) > DETAIL.min_detail) & (shared > DETAIL.min_shared_share)
     return np.where(has_detail, covariance / np.maximum(deviations[0] * deviations[1], 1e-9), -1).astype(np.float32)

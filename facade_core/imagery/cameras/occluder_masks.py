@@ -14,37 +14,9 @@ from facade_core.core.types import Pose
 from facade_core.geometry.equirectangular import upright_rotation
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
+from facade_core.imagery.cameras.settings import OCCLUDERS
 from facade_core.imagery.panorama_camera import camera_from_world, camera_position, pixels_per_radian
 from facade_core.parsing.segmenter import parse
-
-# Perspective views around a panorama that the parser labels; it was trained on such pictures, not on bent
-# lines.
-VIEW_COUNT = 6
-# Width and height of a view in degrees.
-VIEW_WIDTH_DEG = 75.0
-# Downward tilt of a view in degrees.
-DOWNWARD_TILT_DEG = 12.0
-# Side of a view in pixels.
-VIEW_SIDE = 480
-# The ground is searched from this many degrees above the horizon
-GROUND_TOP_DEG = 2.0
-# to this many below it; steeper rays meet the camera's own vehicle.
-GROUND_BOTTOM_DEG = 48.0
-# Walls and roofs are searched from this many degrees above the horizon
-BUILDING_TOP_DEG = 66.0
-# to this many below it.
-BUILDING_BOTTOM_DEG = 30.0
-# Upward tilt in degrees of the second ring of views.
-UPWARD_TILT_DEG = 32.0
-# Pixels of the mask per degree.
-PIXELS_PER_DEGREE = 4
-# Smaller parts of a view, in pixels, are no occluders.
-MIN_OCCLUDER_PIXELS = 100
-# Rim around an occluder in degrees: feet, wheels and shadows reach beyond the parser's mask.
-OCCLUDER_RIM_DEG = 1.25
-# Rim around the model's edges in degrees: 0.07 m at 15 m, twice the error of refined poses. Flat roofs seen
-# from a street are hardly wider.
-EDGE_RIM_DEG = 0.25
 
 
 def mask_ground_occluders(image: UInt8Array, pose: Pose) -> BoolArray:
@@ -63,7 +35,9 @@ def mask_ground_occluders(image: UInt8Array, pose: Pose) -> BoolArray:
     """
     if pose.lens is not None:
         return _mask_picture_occluders(image, pose)
-    return _mask_occluders(image, pose, (DOWNWARD_TILT_DEG,), (GROUND_TOP_DEG, GROUND_BOTTOM_DEG))
+    return _mask_occluders(
+        image, pose, (OCCLUDERS.downward_tilt_deg,), (OCCLUDERS.ground_top_deg, OCCLUDERS.ground_bottom_deg)
+    )
 
 
 def mask_building_occluders(image: UInt8Array, pose: Pose) -> BoolArray:
@@ -83,7 +57,11 @@ def mask_building_occluders(image: UInt8Array, pose: Pose) -> BoolArray:
     if pose.lens is not None:
         return _mask_picture_occluders(image, pose, sky=True)
     return _mask_occluders(
-        image, pose, (DOWNWARD_TILT_DEG, -UPWARD_TILT_DEG), (BUILDING_TOP_DEG, BUILDING_BOTTOM_DEG), sky=True
+        image,
+        pose,
+        (OCCLUDERS.downward_tilt_deg, -OCCLUDERS.upward_tilt_deg),
+        (OCCLUDERS.building_top_deg, OCCLUDERS.building_bottom_deg),
+        sky=True,
     )
 
 
@@ -104,18 +82,18 @@ def mask_model_edges(scene: Scene, pose: Pose, shape: tuple[int, int]) -> BoolAr
     """
     import cv2
 
-    side = np.ones((2 * round(EDGE_RIM_DEG * PIXELS_PER_DEGREE) + 1,) * 2, np.uint8)
+    side = np.ones((2 * round(OCCLUDERS.edge_rim_deg * OCCLUDERS.pixels_per_degree) + 1,) * 2, np.uint8)
     if pose.lens is not None:
-        size = _shrunken_size(pose, shape, np.degrees(PIXELS_PER_DEGREE))
+        size = _shrunken_size(pose, shape, np.degrees(OCCLUDERS.pixels_per_degree))
         ray = picture_rays(pose.lens, size)
         is_shown: BoolArray = np.asarray(np.isfinite(ray).all(axis=-1))
         surface = _seen_surfaces(scene, pose, np.where(is_shown[..., None], ray, [0.0, 0.0, 1.0]))
         edge = _changes_within(surface, side) | ~is_shown
         return np.asarray(cv2.resize(edge.astype(np.uint8), shape[::-1], interpolation=cv2.INTER_NEAREST) > 0)
-    surface = _seen_surfaces(scene, pose, _ray_grid(BUILDING_TOP_DEG, BUILDING_BOTTOM_DEG))
+    surface = _seen_surfaces(scene, pose, _ray_grid(OCCLUDERS.building_top_deg, OCCLUDERS.building_bottom_deg))
     around = cv2.copyMakeBorder(surface, 0, 0, len(side), len(side), cv2.BORDER_WRAP)
     edge = _changes_within(np.asarray(around, np.float32), side)[:, len(side) : -len(side)]
-    return _project_to_picture(edge, shape, pose, BUILDING_TOP_DEG, fill=True)
+    return _project_to_picture(edge, shape, pose, OCCLUDERS.building_top_deg, fill=True)
 
 
 def _changes_within(surface: Float32Array, side: UInt8Array) -> BoolArray:
@@ -148,11 +126,11 @@ def _mask_picture_occluders(image: UInt8Array, pose: Pose, *, sky: bool = False)
 
     if pose.is_aerial:
         return np.zeros(image.shape[:2], bool)
-    focal = VIEW_SIDE / 2 / np.tan(np.radians(VIEW_WIDTH_DEG / 2))
+    focal = OCCLUDERS.view_side / 2 / np.tan(np.radians(OCCLUDERS.view_width_deg / 2))
     size = _shrunken_size(pose, image.shape, focal)
     parsing = parse(np.asarray(cv2.resize(image, size[::-1], interpolation=cv2.INTER_AREA), np.uint8))
-    is_occluder = remove_small_objects(parsing.occluded, max_size=MIN_OCCLUDER_PIXELS).astype(np.uint8)
-    rim = 2 * round(np.radians(OCCLUDER_RIM_DEG) * pixels_per_radian(pose, size[1])) + 1
+    is_occluder = remove_small_objects(parsing.occluded, max_size=OCCLUDERS.min_occluder_pixels).astype(np.uint8)
+    rim = 2 * round(np.radians(OCCLUDERS.occluder_rim_deg) * pixels_per_radian(pose, size[1])) + 1
     hidden = cv2.dilate(is_occluder, np.ones((rim, rim), np.uint8)) > 0
     if sky:
         hidden |= parsing.labels == FacadeClass.SKY
@@ -161,10 +139,14 @@ def _mask_picture_occluders(image: UInt8Array, pose: Pose, *, sky: bool = False)
 
 
 def _ray_grid(top_deg: float, bottom_deg: float) -> Float64Array:
-    """Camera rays (h, w, 3) float64 at PIXELS_PER_DEGREE, from top_deg above the horizon to bottom_deg below it."""
-    rows = np.arange(round(-top_deg * PIXELS_PER_DEGREE), round(bottom_deg * PIXELS_PER_DEGREE)) + 0.5
-    latitude = -np.radians(rows / PIXELS_PER_DEGREE)[:, None]
-    longitude = np.radians((np.arange(360 * PIXELS_PER_DEGREE) + 0.5) / PIXELS_PER_DEGREE - 180)[None]
+    """Camera rays (h, w, 3) float64 at pixels_per_degree, from top_deg above the horizon to bottom_deg below it."""
+    rows = (
+        np.arange(round(-top_deg * OCCLUDERS.pixels_per_degree), round(bottom_deg * OCCLUDERS.pixels_per_degree)) + 0.5
+    )
+    latitude = -np.radians(rows / OCCLUDERS.pixels_per_degree)[:, None]
+    longitude = np.radians((np.arange(360 * OCCLUDERS.pixels_per_degree) + 0.5) / OCCLUDERS.pixels_per_degree - 180)[
+        None
+    ]
     ray = np.stack(np.broadcast_arrays(np.sin(longitude) * np.cos(latitude), -np.sin(latitude)), axis=-1)
     return np.concatenate([ray, (np.cos(longitude) * np.cos(latitude))[..., None]], axis=-1)
 
@@ -186,22 +168,24 @@ def _mask_occluders(
 
     ray = _ray_grid(*elevation_range)
     is_occluder, is_sky = np.zeros(ray.shape[:2], bool), np.zeros(ray.shape[:2], bool)
-    focal = VIEW_SIDE / 2 / np.tan(np.radians(VIEW_WIDTH_DEG / 2))
-    for down, view in product(tilts, range(VIEW_COUNT)):
-        rotation = _view_rotation(2 * np.pi * view / VIEW_COUNT, np.radians(down))
+    focal = OCCLUDERS.view_side / 2 / np.tan(np.radians(OCCLUDERS.view_width_deg / 2))
+    for down, view in product(tilts, range(OCCLUDERS.view_count)):
+        rotation = _view_rotation(2 * np.pi * view / OCCLUDERS.view_count, np.radians(down))
         picture, is_shown = _render_view(image, pose, rotation, focal)
         if not is_shown.any():
             continue
         parsing = parse(np.dstack([picture, np.where(is_shown, 255, 0).astype(np.uint8)]))
         right, below, ahead = np.moveaxis(ray @ rotation.T, -1, 0)
         safe = np.maximum(ahead, 1e-6)
-        x, y = (np.floor(focal * side / safe + VIEW_SIDE / 2) for side in (right, below))
-        inside = (ahead > 0) & (x >= 0) & (x < VIEW_SIDE) & (y >= 0) & (y < VIEW_SIDE)
+        x, y = (np.floor(focal * side / safe + OCCLUDERS.view_side / 2) for side in (right, below))
+        inside = (ahead > 0) & (x >= 0) & (x < OCCLUDERS.view_side) & (y >= 0) & (y < OCCLUDERS.view_side)
         pixel = (y[inside].astype(np.intp), x[inside].astype(np.intp))
-        is_occluder[inside] |= remove_small_objects(parsing.occluded & is_shown, max_size=MIN_OCCLUDER_PIXELS)[pixel]
+        is_occluder[inside] |= remove_small_objects(
+            parsing.occluded & is_shown, max_size=OCCLUDERS.min_occluder_pixels
+        )[pixel]
         if sky:
             is_sky[inside] |= ((parsing.labels == FacadeClass.SKY) & is_shown)[pixel]
-    rim = 2 * round(OCCLUDER_RIM_DEG * PIXELS_PER_DEGREE) + 1
+    rim = 2 * round(OCCLUDERS.occluder_rim_deg * OCCLUDERS.pixels_per_degree) + 1
     around = np.pad(is_occluder, ((0, 0), (rim, rim)), mode="wrap").astype(np.uint8)
     is_occluder = cv2.dilate(around, np.ones((rim, rim), np.uint8))[:, rim:-rim] > 0
     return _project_to_picture(is_occluder | is_sky, image.shape[:2], pose, elevation_range[0])
@@ -218,11 +202,12 @@ def _view_rotation(heading: float, down: float) -> Float64Array:
 
 
 def _render_view(image: UInt8Array, pose: Pose, rotation: Float64Array, focal: float) -> tuple[UInt8Array, BoolArray]:
-    """Perspective view (VIEW_SIDE, VIEW_SIDE, 3) uint8 of a panorama, and where the panorama covers it, bool."""
+    """Perspective view (view_side, view_side, 3) uint8 of a panorama, and where the panorama covers it, bool."""
     import cv2
 
     x, y = np.meshgrid(
-        (np.arange(VIEW_SIDE) + 0.5 - VIEW_SIDE / 2) / focal, (np.arange(VIEW_SIDE) + 0.5 - VIEW_SIDE / 2) / focal
+        (np.arange(OCCLUDERS.view_side) + 0.5 - OCCLUDERS.view_side / 2) / focal,
+        (np.arange(OCCLUDERS.view_side) + 0.5 - OCCLUDERS.view_side / 2) / focal,
     )
     right, down, ahead = np.moveaxis(np.stack([x, y, np.ones_like(x)], axis=-1) @ rotation, -1, 0)
     left, top, wide, high = pose.view
@@ -247,10 +232,11 @@ def _project_to_picture(
     height, width = shape
     left, top, wide, high = pose.view
     column = (
-        np.floor(((np.arange(width) + 0.5) / width * wide + left) * 360 * PIXELS_PER_DEGREE) % (360 * PIXELS_PER_DEGREE)
+        np.floor(((np.arange(width) + 0.5) / width * wide + left) * 360 * OCCLUDERS.pixels_per_degree)
+        % (360 * OCCLUDERS.pixels_per_degree)
     ).astype(np.intp)
     degrees = ((np.arange(height) + 0.5) / height * high + top - 0.5) * 180
-    row = np.floor((degrees + top_deg) * PIXELS_PER_DEGREE).astype(np.intp)
+    row = np.floor((degrees + top_deg) * OCCLUDERS.pixels_per_degree).astype(np.intp)
     inside = (row >= 0) & (row < len(mask_by_angle))
     mask = np.full(shape, fill)
     mask[inside] = mask_by_angle[row[inside]][:, column]

@@ -21,13 +21,11 @@ from facade_core.imagery.cameras.camera_view import (
     equalise_exposure,
     fuse_camera_views,
 )
+from facade_core.imagery.cameras.settings import WALLS
 from facade_core.imagery.panorama_camera import WALL_REACH_M, camera_position, camera_reach
 from facade_core.imagery.rectify.fusion import ChartView
 from facade_core.imagery.rectify.panorama import rectify_chart_from_panorama
 
-# Texels farther below the camera than this, in metres, may show a bicycle, a bin or a hedge and need a second
-# camera. Cameras are 2.5 m above the ground, and higher above the ground of a model that is too low.
-MAX_UNCONFIRMED_DROP_M = 1.3
 # Fractional bits of the outlines that OpenCV draws.
 SUBTEXEL_BITS = 4
 
@@ -74,7 +72,8 @@ def _low_texels(scene: Scene, chart: int, camera: PanoramaCamera) -> BoolArray:
         return np.zeros((int(scene.placement.height[chart]), int(scene.placement.width[chart])), bool)
     rows, columns = (np.arange(int(n)) + 0.5 for n in (scene.placement.height[chart], scene.placement.width[chart]))
     return np.asarray(
-        texel_points(scene, chart, rows, columns)[..., 2] < camera_position(camera.pose)[2] - MAX_UNCONFIRMED_DROP_M
+        texel_points(scene, chart, rows, columns)[..., 2]
+        < camera_position(camera.pose)[2] - WALLS.max_unconfirmed_drop_m
     )
 
 
