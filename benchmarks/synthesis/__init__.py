@@ -23,7 +23,8 @@ from benchmarks.papers.tile_search import search_plainly
 from facade_core.core.labels import UNKNOWN, FacadeClass
 from facade_core.facade.texture.retargeting import retarget
 from facade_core.facade.texture.scale import exemplar_scale
-from facade_core.facade.texture.synthesis import SYNTHESIS_GENERATIONS, evolve_random_tilings, synthesize_on_lattice
+from facade_core.facade.texture.settings import SYNTHESIS
+from facade_core.facade.texture.synthesis import evolve_random_tilings, synthesize_on_lattice
 from facade_core.facade.texture.tiling_energy import tabulate_energy
 from facade_core.parsing.floor_structure import find_floors_and_bays
 from facade_core.parsing.lattice import lattice
@@ -127,7 +128,7 @@ def main(arguments: list[str] | None = None) -> None:
     )
     parser.add_argument("--data", type=Path, default=Path(os.environ.get("STREETLOOM_DATA", "../shared/data")))
     parser.add_argument("--seeds", type=int, default=10, help="runs of ours and of the reference [10]")
-    parser.add_argument("--generations", type=int, default=SYNTHESIS_GENERATIONS)
+    parser.add_argument("--generations", type=int, default=SYNTHESIS.generations)
     parser.add_argument("--picture", type=Path, help="write the picture to this file, and measure nothing")
     options = parser.parse_args(arguments)
     if options.picture:

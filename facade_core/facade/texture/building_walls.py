@@ -16,22 +16,11 @@ from facade_core.core.arrays import Float64Array, Int32Array, Int64Array, IntArr
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Lattice
-from facade_core.facade.texture.entrances import (
-    DOOR_SIZE_M,
-    choose_door_position,
-    paint_corner_shop,
-    paint_door,
-    place_doors,
-)
+from facade_core.facade.texture.entrances import choose_door_position, paint_corner_shop, paint_door, place_doors
 from facade_core.facade.texture.genetic import POPULATION_SIZE
 from facade_core.facade.texture.ground_units import paint_ground_units
-from facade_core.facade.texture.retargeting import (
-    PRICE_NOISE,
-    ExemplarAnalysis,
-    fit_sizes_to_total,
-    initial_tiling,
-    refine_tiling,
-)
+from facade_core.facade.texture.retargeting import ExemplarAnalysis, fit_sizes_to_total, initial_tiling, refine_tiling
+from facade_core.facade.texture.settings import BAYS, ENTRANCES, RETARGETING
 from facade_core.facade.texture.tile_composition import compose_tiles
 from facade_core.facade.texture.wall_floors import (
     FacadeWall,
@@ -40,27 +29,6 @@ from facade_core.facade.texture.wall_floors import (
     shows_ground_floor,
     stack_floors,
 )
-
-# Wall on either side of a window, to the wall's edge or to a neighbour, metres.
-WINDOW_MARGIN_M = 0.25
-# Width of bays of backs, relative to those of fronts.
-BACK_BAY_FACTOR = 1.3
-# Candidate widths of bare wall, as shares of a bay.
-BARE_WIDTH_SHARES = (0.08, 0.12, 0.18, 0.27, 0.4)
-# Variation of bare wall, in grey levels, that hardly counts as uneven.
-NEGLIGIBLE_UNEVENNESS = 3.0
-# Smallest width between seams, in bays, of a section with whole bays.
-MIN_SECTION_BAYS = 0.75
-# Distance of a window from a seam within its bay, metres.
-SEAM_MARGIN_M = 0.08
-# The same in texels.
-SEAM_MARGIN_TEXELS = 3.0
-# Smallest width of a window next to a seam, as a share of its width; a narrower one is omitted.
-MIN_WIDTH_SHARE = 0.5
-# Smallest share of wall of a ground floor that continues over a narrow wall.
-MIN_WALL_SHARE = 0.6
-# The same for a corner without a shop.
-MIN_CORNER_WALL_SHARE = 0.97
 
 
 def compose_wall(
@@ -106,14 +74,16 @@ def compose_wall(
     stack, scale = stack_floors(style, wall, metres_per_pixel, floor_style)
     floors = [wall_floor.exemplar_floor for wall_floor in stack]
 
-    bay = scale * float(np.diff(style.structure.bay_cuts).mean()) * (BACK_BAY_FACTOR if wall.is_back else 1.0)
+    bay = scale * float(np.diff(style.structure.bay_cuts).mean()) * (BAYS.back_bay_factor if wall.is_back else 1.0)
     window = scale * float(np.mean([right - left for left, right in style.structure.bays]))
-    blank = wall.width < max(0.5 * bay, window + 2 * WINDOW_MARGIN_M)
+    blank = wall.width < max(0.5 * bay, window + 2 * BAYS.window_margin_m)
     ends = [0.0, wall.width] if blank else _wall_sections(wall, bay)
     counts = [max(1, round((right - left) / bay)) for left, right in pairwise(ends)]
     count = 1 if blank else sum(counts)
     if wall.on_street and not blank:
-        variants = [initial_tiling(style, floors, count, False, rng, PRICE_NOISE * k**0.5) for k in range(4)]
+        variants = [
+            initial_tiling(style, floors, count, False, rng, RETARGETING.price_noise * k**0.5) for k in range(4)
+        ]
         population = np.stack([variants[k % len(variants)] for k in range(POPULATION_SIZE)])
         tiles, _ = refine_tiling(style, floors, population, False, rng)
     else:
@@ -137,7 +107,7 @@ def compose_wall(
             fit_sizes_to_total(own, np.tile([True, False, True], len(own) // 3), right - left)
             for own, (left, right) in zip(split, pairwise(ends), strict=True)
         ]
-        apart = max(SEAM_MARGIN_M, SEAM_MARGIN_TEXELS * (texel_m or pixel))
+        apart = max(BAYS.seam_margin_m, BAYS.seam_margin_texels * (texel_m or pixel))
         across = _move_off_seams(np.append(0.0, np.cumsum(np.concatenate(fitted))), wall.seams, apart)
     source = _insert_bare_rows(stack, source, np.array([3 * plain + 1, wide + 1]))
     down = np.append(0.0, np.cumsum([height for wall_floor in stack for height in wall_floor.all_heights]))
@@ -151,7 +121,9 @@ def compose_wall(
     size_m = wall.width, wall.height
     middle = choose_door_position(wall.free, size_m, across, wall.seams, wall.entrances, rng) if back else None
     if middle is not None and not blank:
-        door_columns = np.flatnonzero((across[:-1] < middle + DOOR_SIZE_M[0]) & (across[1:] > middle - DOOR_SIZE_M[0]))
+        door_columns = np.flatnonzero(
+            (across[:-1] < middle + ENTRANCES.door_size_m[0]) & (across[1:] > middle - ENTRANCES.door_size_m[0])
+        )
         own = 3 * plain + np.arange(3) if len(stack[-1].heights) == 3 else np.array([3 * plain + 1])
         for left in np.unique(door_columns // 3 * 3).tolist():
             source[0, ground, left : left + 3] = own[:, None]
@@ -198,7 +170,8 @@ def _blank_ground(style: ExemplarAnalysis, wall_floor: WallFloor, source: Int32A
     """
     count, bare = len(wall_floor.heights), len(style.grid.columns)
     if not (
-        shows_ground_floor(style, wall_floor) and _is_mostly_wall(style, source[0, :, 0], plain, MIN_CORNER_WALL_SHARE)
+        shows_ground_floor(style, wall_floor)
+        and _is_mostly_wall(style, source[0, :, 0], plain, BAYS.min_corner_wall_share)
     ):
         own = 3 * plain + np.arange(count) if count == 3 else np.array([3 * plain + 1])
         source[0] = own[:, None]
@@ -209,7 +182,7 @@ def _wall_sections(wall: FacadeWall, bay: float) -> list[float]:
     """Return the ends of a wall, and the seams with room for whole bays between them, metres."""
     ends = [0.0]
     for seam in wall.seams:
-        if min(seam - ends[-1], wall.width - seam) >= MIN_SECTION_BAYS * bay:
+        if min(seam - ends[-1], wall.width - seam) >= BAYS.min_section_bays * bay:
             ends.append(seam)
     return [*ends, wall.width]
 
@@ -235,7 +208,7 @@ def _move_off_seams(across: Float64Array, seams: tuple[float, ...], margin: floa
                 (abs(x - first), x, width)
                 for (a, b), width in zip(places, widths, strict=True)
                 for x in [float(np.clip(first, a, b - width))]
-                if width >= MIN_WIDTH_SHARE * (last - first)
+                if width >= BAYS.min_width_share * (last - first)
             ]
             if fits:
                 break
@@ -291,7 +264,7 @@ def _blank_cells(
             for left in range(0, source.shape[2], 3):
                 first, last = across[left + 1 : left + 3].tolist()
                 bent = any(first < seam < last for seam in wall.seams)
-                first, last = first - WINDOW_MARGIN_M, last + WINDOW_MARGIN_M
+                first, last = first - BAYS.window_margin_m, last + BAYS.window_margin_m
                 if bent or not free.covers(shapely.box(max(first, 0.0), low, min(last, wall.width), high)):
                     source[0, rows, left : left + 3] = own[:, None]
                     source[1, rows, left : left + 3] = bare
@@ -305,17 +278,17 @@ def _bare_columns(style: ExemplarAnalysis, plain: int) -> tuple[int, int]:
     colours = [style.image[a:b].mean(axis=(0, 2)) for a, b in pairwise(rows)]
     best, found = -np.inf, (0, len(wall))
     bay = float(np.diff(style.structure.bay_cuts).mean())
-    for width in sorted({min(len(wall), max(2, round(share * bay))) for share in BARE_WIDTH_SHARES}):
+    for width in sorted({min(len(wall), max(2, round(share * bay))) for share in BAYS.bare_width_shares}):
         uneven = np.max([np.ptp(sliding_window_view(colour, width), axis=1) for colour in colours], axis=0)
         walled = sliding_window_view(wall, width).mean(axis=1)
-        worth = width * walled**8 / (NEGLIGIBLE_UNEVENNESS + uneven)
+        worth = width * walled**8 / (BAYS.negligible_unevenness + uneven)
         if worth.max() > best:
             best, left = float(worth.max()), int(np.argmax(worth))
             found = left, left + width
     return found
 
 
-def _is_mostly_wall(style: ExemplarAnalysis, rows: IntArray, plain: int, least: float = MIN_WALL_SHARE) -> bool:
+def _is_mostly_wall(style: ExemplarAnalysis, rows: IntArray, plain: int, least: float = BAYS.min_wall_share) -> bool:
     """Return whether lattice rows (k,) show mostly wall in the bare columns."""
     left, right = _bare_columns(style, plain)
     shown = [

@@ -13,36 +13,13 @@ from shapely.geometry.base import BaseGeometry
 from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, UInt8Array
 from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.retargeting import ExemplarAnalysis
+from facade_core.facade.texture.settings import ENTRANCES
 from facade_core.parsing.floor_structure import Span, spans_above_threshold
 
-# Smallest width of a corner with a shop, metres.
-MIN_CORNER_M = 1.1
-# Exemplar's ground floor on either side of the shop, metres.
-JAMB_M = 0.2
-# Largest factor by which a shop is stretched or squeezed.
-MAX_SHOP_STRETCH = 1.9
-# Preference of a shop with a door, in log stretch.
-DOOR_BONUS = 0.5
-# Width and height of a back door with its frame, metres.
-DOOR_SIZE_M = (1.02, 2.12)
-# Width of its frame, metres.
-FRAME_M = 0.07
-# Wall on either side of it, metres.
-DOOR_MARGIN_M = 0.2
 # Colours of door leaves.
 LEAF_COLOURS = np.array(
     [[78, 70, 62], [92, 90, 86], [62, 74, 68], [98, 74, 58], [74, 80, 90], [112, 106, 96], [70, 56, 48]], np.float64
 )
-# Brightness of frames relative to the leaf, and of panes in grey levels.
-FRAME_GAINS = (0.72, 1.45)
-PANE_LIGHT = 46.0
-# Probabilities of a pane, and of planks instead of panels.
-GLAZED_PROBABILITY = 0.35
-PLANKED_PROBABILITY = 0.4
-# Widths of a plank, of the rail around a panel, and of a groove, metres.
-PLANK_M = 0.115
-RAIL_M = 0.13
-GROOVE_M = 0.014
 
 
 def place_doors(style: ExemplarAnalysis, entrances: Sequence[float], source: Int32Array, across: Float64Array) -> None:
@@ -95,9 +72,9 @@ def paint_corner_shop(
 
 def _find_corner_shop(labels: UInt8Array, scale: float, width: float) -> Span | None:
     """Return the columns of the shop for a corner of a width in metres, from a ground floor's labels; None if none fits."""
-    if width < MIN_CORNER_M or not (labels == FacadeClass.SHOP).any():
+    if width < ENTRANCES.min_corner_m or not (labels == FacadeClass.SHOP).any():
         return None
-    jamb = round(JAMB_M / scale)
+    jamb = round(ENTRANCES.jamb_m / scale)
     best: tuple[float, Span] | None = None
     for left, right in spans_above_threshold(
         np.isin(labels, (FacadeClass.SHOP, FacadeClass.DOOR)).any(axis=0).astype(float), 0.5
@@ -106,9 +83,9 @@ def _find_corner_shop(labels: UInt8Array, scale: float, width: float) -> Span | 
         if not (labels[:, slice(*span)] == FacadeClass.SHOP).any():
             continue
         off = abs(np.log(max(span[1] - span[0], 1) * scale / width))
-        if off > np.log(MAX_SHOP_STRETCH):
+        if off > np.log(ENTRANCES.max_shop_stretch):
             continue
-        cost = off - DOOR_BONUS * bool((labels[:, slice(*span)] == FacadeClass.DOOR).any())
+        cost = off - ENTRANCES.door_bonus * bool((labels[:, slice(*span)] == FacadeClass.DOOR).any())
         if best is None or cost < best[0]:
             best = cost, span
     return None if best is None else best[1]
@@ -142,14 +119,14 @@ def choose_door_position(
     """
     width, height = size
     middles = (across[1:-1:3] + across[2::3]) / 2 if len(across) > 2 else np.array([width / 2])
-    reach = DOOR_SIZE_M[0] / 2 + DOOR_MARGIN_M
+    reach = ENTRANCES.door_size_m[0] / 2 + ENTRANCES.door_margin_m
     open_ = free.buffer(0.02)
     fits = [
         middle
         for middle in middles.tolist()
         if reach <= middle <= width - reach
         and all(abs(seam - middle) > reach for seam in seams)
-        and open_.covers(shapely.box(middle - reach, height - DOOR_SIZE_M[1], middle + reach, height - 0.05))
+        and open_.covers(shapely.box(middle - reach, height - ENTRANCES.door_size_m[1], middle + reach, height - 0.05))
     ]
     if entrances and fits:
         nearest: float = min(fits, key=lambda middle: abs(middle - entrances[0]))
@@ -171,7 +148,7 @@ def paint_door(
     metres_per_pixel : scale of `image`.
     rng : draws the door.
     """
-    wide, high = (max(2, round(side / metres_per_pixel)) for side in DOOR_SIZE_M)
+    wide, high = (max(2, round(side / metres_per_pixel)) for side in ENTRANCES.door_size_m)
     left = round(middle / metres_per_pixel - wide / 2)
     left, wide = max(0, left), min(wide, labels.shape[1])
     top = max(0, len(labels) - high)
@@ -199,26 +176,26 @@ def draw_plain_door(shape: tuple[int, int], metres_per_pixel: float, rng: np.ran
     y, x = ((np.arange(n) + 0.5) * metres_per_pixel for n in (height, width))
     across, down = x[None, :], y[:, None]
     wide, high = width * metres_per_pixel, height * metres_per_pixel
-    colour, frame = LEAF_COLOURS[rng.integers(len(LEAF_COLOURS))], FRAME_GAINS[int(rng.random() < 0.6)]
+    colour, frame = LEAF_COLOURS[rng.integers(len(LEAF_COLOURS))], ENTRANCES.frame_gains[int(rng.random() < 0.6)]
     tone = np.ones(shape) * (1 - 0.1 * down / high) * (1 + 0.05 * rng.standard_normal((1, width)))
-    glazed, planked = rng.random() < GLAZED_PROBABILITY, rng.random() < PLANKED_PROBABILITY
-    inner = (FRAME_M + RAIL_M, wide - FRAME_M - RAIL_M)
+    glazed, planked = rng.random() < ENTRANCES.glazed_probability, rng.random() < ENTRANCES.planked_probability
+    inner = (ENTRANCES.frame_m + ENTRANCES.rail_m, wide - ENTRANCES.frame_m - ENTRANCES.rail_m)
 
     def grooved(left: float, right: float, upper: float, lower: float) -> BoolArray:
         side_distance = np.minimum(np.abs(across - left), np.abs(across - right))
         over = np.minimum(np.abs(down - upper), np.abs(down - lower))
         within = (
-            (across > left - GROOVE_M)
-            & (across < right + GROOVE_M)
-            & (down > upper - GROOVE_M)
-            & (down < lower + GROOVE_M)
+            (across > left - ENTRANCES.groove_m)
+            & (across < right + ENTRANCES.groove_m)
+            & (down > upper - ENTRANCES.groove_m)
+            & (down < lower + ENTRANCES.groove_m)
         )
-        is_groove: BoolArray = within & (np.minimum(side_distance, over) < GROOVE_M)
+        is_groove: BoolArray = within & (np.minimum(side_distance, over) < ENTRANCES.groove_m)
         return is_groove
 
     parts = [(0.18 * high, 0.5 * high), (0.58 * high, 0.92 * high)]
     if planked:
-        tone *= np.where((across - FRAME_M) % PLANK_M < GROOVE_M, 0.7, 1.0)
+        tone *= np.where((across - ENTRANCES.frame_m) % ENTRANCES.plank_m < ENTRANCES.groove_m, 0.7, 1.0)
     else:
         for upper, lower in parts:
             tone *= np.where(grooved(*inner, upper, lower), 0.68, 1.0)
@@ -227,15 +204,15 @@ def draw_plain_door(shape: tuple[int, int], metres_per_pixel: float, rng: np.ran
         (upper, lower) = parts[0]
         pane = (across > inner[0]) & (across < inner[1]) & (down > upper) & (down < lower)
         door[pane] = (
-            PANE_LIGHT
+            ENTRANCES.pane_light
             * np.array([0.95, 1.0, 1.06])
             * (1 + 0.3 * (1 - np.broadcast_to(down, shape)[pane] / high))[:, None]
         )
-    around = (across < FRAME_M) | (across > wide - FRAME_M) | (down < FRAME_M)
+    around = (across < ENTRANCES.frame_m) | (across > wide - ENTRANCES.frame_m) | (down < ENTRANCES.frame_m)
     door[around] = np.minimum(colour * frame, 210) * (0.9 + 0.2 * tone[around][:, None] / 2)
     # shadow of the frame on the leaf, and the handle
-    leaf = ~around & (down < FRAME_M + 0.05)
+    leaf = ~around & (down < ENTRANCES.frame_m + 0.05)
     door[leaf] *= 0.7
-    knob = (np.abs(across - (wide - FRAME_M - 0.07)) < 0.025) & (np.abs(down - 0.52 * high) < 0.05)
+    knob = (np.abs(across - (wide - ENTRANCES.frame_m - 0.07)) < 0.025) & (np.abs(down - 0.52 * high) < 0.05)
     door[np.broadcast_to(knob, shape)] = 165
     return door

@@ -13,25 +13,12 @@ from facade_core.core.arrays import BoolArray, Float32Array, Int64Array, UInt8Ar
 from facade_core.core.labels import UNKNOWN, FacadeClass
 from facade_core.facade.texture.label_expansion import choose_sources
 from facade_core.facade.texture.mosaic import fill_from_chosen_sources
+from facade_core.facade.texture.settings import INPAINTING
 from facade_core.facade.texture.source_costs import UNUSABLE_PRICE, SourceCosts, compute_source_costs
 from facade_core.facade.texture.translations import find_repeat_translations
 
-_MAX_WORKING_PX = 110_000  # most pixels of the working image
-_SEAM_PRICE = 0.02  # for each unit of colour difference (0-1, three channels)
 # Contrast of the classes against wall in the search for repetitions of a planned layout.
 _CLASS_WEIGHTS = np.array([0.0, 1.0, 0.5, 1.0, 0.0, 0.5, 0.0], np.float32)
-_MAX_REDUCTION = 8  # most image px in a working px
-_CONTEXT_DIVISOR = 24  # the context reaches this part of the longer side
-_TRUST_SCALE = 0.1  # share of the median best price at which the weight of a source falls to 1/e
-_OUTLIER_PRICE = 1.0  # for each squared difference from the weighted mean
-_MAX_ROUNDS = 4
-_MAX_TRANSLATIONS = 28  # offered to the graph cuts
-# Share of roof and sky among the known labels of a row from which it is one of the roof.
-_MIN_ROOF_SHARE = 0.25
-# Height of the ground floor, as a share of the image.
-_FOOT_SHARE = 0.2
-_LEVEL_TOLERANCE_PX = 3  # rows by which a source beside a pixel may be higher or lower
-_MIN_GAIN = 1e-5  # smallest price reduction, for each hidden pixel, of an offered translation
 
 
 def fill_by_floors(image: UInt8Array, mask: BoolArray, guide: UInt8Array) -> UInt8Array:
@@ -48,7 +35,7 @@ def fill_by_floors(image: UInt8Array, mask: BoolArray, guide: UInt8Array) -> UIn
     (H, W, 3) uint8.
     """
     out, missing = image, mask
-    for _ in range(_MAX_ROUNDS):  # pixels beyond the reach of all translations are filled from filled ones
+    for _ in range(INPAINTING.max_rounds):  # pixels beyond the reach of all translations are filled from filled ones
         out, done = _copy_repeats(out, missing, guide)
         if done.all() or not (done & missing).any():
             break
@@ -58,7 +45,7 @@ def fill_by_floors(image: UInt8Array, mask: BoolArray, guide: UInt8Array) -> UIn
 
 def _copy_repeats(image: UInt8Array, mask: BoolArray, guide: UInt8Array) -> tuple[UInt8Array, BoolArray]:
     """Return the image with copied pixels, and the known pixels (H, W) bool after that."""
-    factor = int(np.clip(np.ceil(np.sqrt(mask.size / _MAX_WORKING_PX)), 1, _MAX_REDUCTION))
+    factor = int(np.clip(np.ceil(np.sqrt(mask.size / INPAINTING.max_working_px)), 1, INPAINTING.max_reduction))
     small, known, plan = _reduce_to_blocks(image, mask, guide, factor)
     if not known.any():  # the visible parts are smaller than the blocks
         factor, (small, known, plan) = 1, _reduce_to_blocks(image, mask, guide, 1)
@@ -71,7 +58,7 @@ def _copy_repeats(image: UInt8Array, mask: BoolArray, guide: UInt8Array) -> tupl
     translations = np.unique(np.concatenate(found), axis=0)
     if not len(translations):  # too little is seen for any repetition
         return image, ~mask
-    reach = max(known.shape) / _CONTEXT_DIVISOR
+    reach = max(known.shape) / INPAINTING.context_divisor
     roof, foot = _roof_and_foot_rows(plan, known)
     chosen = _choose_translations(small, known, plan, translations, reach, (roof, foot))
     return fill_from_chosen_sources(image, ~mask, chosen, translations, factor, reach)
@@ -106,10 +93,10 @@ def _roof_and_foot_rows(plan: UInt8Array, known: BoolArray) -> tuple[BoolArray, 
     height = len(plan)
     label = np.where(known, plan, UNKNOWN)
     on_roof = ((label == FacadeClass.ROOF) | (label == FacadeClass.SKY)).sum(axis=1)
-    is_roof = on_roof >= np.maximum(1, _MIN_ROOF_SHARE * (label != UNKNOWN).sum(axis=1))
+    is_roof = on_roof >= np.maximum(1, INPAINTING.min_roof_share * (label != UNKNOWN).sum(axis=1))
     below = np.flatnonzero(is_roof[: height // 2])
     rows = np.arange(height)
-    tall = round(_FOOT_SHARE * height) if height > 1 else 1
+    tall = round(INPAINTING.foot_share * height) if height > 1 else 1
     return rows <= (below[-1] if len(below) else -1), rows >= height - max(1, tall)
 
 
@@ -128,7 +115,7 @@ def _forbid_foreign_rows(
     on_foot = np.flatnonzero(foot[hidden[:, 0]])
     source = np.clip(hidden[on_foot, 0] + translations[:, :1], 0, len(roof) - 1)
     costs = np.where(roof[source], UNUSABLE_PRICE, price[:, on_foot])
-    is_beside = np.abs(translations[:, 0]) <= _LEVEL_TOLERANCE_PX
+    is_beside = np.abs(translations[:, 0]) <= INPAINTING.level_tolerance_px
     has_beside = (costs[is_beside] < UNUSABLE_PRICE).any(axis=0)
     price[:, on_foot] = np.where(has_beside & ~is_beside[:, None], UNUSABLE_PRICE, costs)
 
@@ -161,7 +148,9 @@ def _choose_translations(
     )
     chosen = np.full(known.shape, -1)
     chosen[hidden[:, 0], hidden[:, 1]] = kept[
-        choose_sources(costs, edges, _rim_prices(image, known, hidden, translations[kept], costs.colour), _SEAM_PRICE)
+        choose_sources(
+            costs, edges, _rim_prices(image, known, hidden, translations[kept], costs.colour), INPAINTING.seam_price
+        )
     ]
     return chosen
 
@@ -175,11 +164,11 @@ def _penalise_outliers(costs: SourceCosts) -> SourceCosts:
     best = costs.price.min(0)
     usable = costs.price < UNUSABLE_PRICE
     trust = np.where(
-        usable, np.exp((best - costs.price) / (_TRUST_SCALE * max(float(np.median(best)), 1e-9))), 0.0
+        usable, np.exp((best - costs.price) / (INPAINTING.trust_scale * max(float(np.median(best)), 1e-9))), 0.0
     ).astype(np.float32)
     mean = np.einsum("kn,knc->nc", trust, costs.colour) / np.maximum(trust.sum(0), 1e-6)[:, None]
     apart = ((costs.colour - mean) ** 2).mean(2)
-    price = np.where(usable, costs.price + _OUTLIER_PRICE * apart, UNUSABLE_PRICE).astype(np.float32)
+    price = np.where(usable, costs.price + INPAINTING.outlier_price * apart, UNUSABLE_PRICE).astype(np.float32)
     return SourceCosts(price, np.where(usable[..., None], costs.colour, mean))
 
 
@@ -187,10 +176,10 @@ def _select_translations(price: Float32Array) -> Int64Array:
     """Select greedily the translations that lower the sum of the lowest prices most."""
     best = np.full(price.shape[1], UNUSABLE_PRICE, np.float32)
     left, kept = list(range(len(price))), list[int]()
-    while left and len(kept) < _MAX_TRANSLATIONS:
+    while left and len(kept) < INPAINTING.max_translations:
         gains = [float(np.maximum(best - price[k], 0).sum()) for k in left]
         top = int(np.argmax(gains))
-        if gains[top] <= _MIN_GAIN * price.shape[1] and kept:
+        if gains[top] <= INPAINTING.min_gain * price.shape[1] and kept:
             break
         kept.append(left.pop(top))
         best = np.minimum(best, price[kept[-1]])
@@ -213,5 +202,5 @@ def _rim_prices(
             there = (v >= 0) & (v < height) & (u >= 0) & (u < width)
             there[there] = known[v[there], u[there]]
             at = np.flatnonzero(inside)[there]
-            cost[k, at] += 2.0 * _SEAM_PRICE * np.abs(image[q[at], r[at]] - image[v[there], u[there]]).sum(1)
+            cost[k, at] += 2.0 * INPAINTING.seam_price * np.abs(image[q[at], r[at]] - image[v[there], u[there]]).sum(1)
     return cost

@@ -6,12 +6,7 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float32Array, Int32Array
 from facade_core.core.numba_cache import njit
-
-_HALF_WEIGHT_STEP = 0.10  # colour step (0-1) of a seam that counts half, so that misplaced edges do not bleed
-_SELF_WEIGHT = 2e-4  # pull of every pixel towards its own colour
-_MAX_COARSE_UNKNOWNS = 12_000
-_SWEEPS = 40
-_OVER_RELAXATION = 1.8
+from facade_core.facade.texture.settings import BLENDING
 
 
 def solve_colour_offsets(
@@ -41,9 +36,9 @@ def solve_colour_offsets(
         step_right,
         step_below,
         hidden,
-        _SWEEPS,
-        np.float32(_OVER_RELAXATION),
-        np.float32(_SELF_WEIGHT),
+        BLENDING.sweeps,
+        np.float32(BLENDING.over_relaxation),
+        np.float32(BLENDING.self_weight),
     )
     return offset
 
@@ -59,7 +54,9 @@ def _step_weights(wanted: Float32Array, hidden: BoolArray, axis: int) -> tuple[F
         touched[-1] = False
     step = np.where(joined[..., None], wanted, 0.0).astype(np.float32)
     size = np.abs(step).mean(2)
-    return np.where(joined & touched, 1.0 / (1.0 + (size / _HALF_WEIGHT_STEP) ** 2), 0.0).astype(np.float32), step
+    return np.where(joined & touched, 1.0 / (1.0 + (size / BLENDING.half_weight_step) ** 2), 0.0).astype(
+        np.float32
+    ), step
 
 
 def _solve_coarse(
@@ -71,7 +68,7 @@ def _solve_coarse(
     from scipy.sparse.linalg import splu
 
     height, width = hidden.shape
-    block = max(2, int(np.ceil(np.sqrt(hidden.sum() / _MAX_COARSE_UNKNOWNS))))
+    block = max(2, int(np.ceil(np.sqrt(hidden.sum() / BLENDING.max_coarse_unknowns))))
     y, x = np.nonzero(hidden)
     cell = (y // block).astype(np.int64) * (width // block + 1) + x // block
     _, number = np.unique(np.stack([cell, region[y, x]], 1), axis=0, return_inverse=True)
@@ -82,7 +79,7 @@ def _solve_coarse(
     rows, columns, values = (
         [np.arange(count)],
         [np.arange(count)],
-        [np.bincount(number, minlength=count) * _SELF_WEIGHT],
+        [np.bincount(number, minlength=count) * BLENDING.self_weight],
     )
     right = np.zeros((count, 3))
     for weight, step, here, there in (

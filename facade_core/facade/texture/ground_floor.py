@@ -9,12 +9,8 @@ import numpy as np
 
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.labels import FacadeClass
+from facade_core.facade.texture.settings import GROUND_FLOOR
 from facade_core.parsing.floor_structure import find_floors_and_bays, spans_above_threshold
-
-# Wall kept on either side of a door, as a share of the ground floor's height.
-_JAMB_SHARE = 0.12
-# Lowest part of the ground floor, as a share of its height, into which a door reaches. What ends above it was hidden there.
-_DOOR_FOOT_SHARE = 0.15
 
 
 def replace_shops_by_windows(image: UInt8Array, labels: UInt8Array) -> tuple[UInt8Array, UInt8Array]:
@@ -42,9 +38,9 @@ def replace_shops_by_windows(image: UInt8Array, labels: UInt8Array) -> tuple[UIn
     top, bottom = found.ground_top, found.bottom
     bays = [slice(a, b) for a, b in pairwise((0, *found.bay_cuts[1:-1], labels.shape[1]))]
     plain = [not (labels[source_rows, bay] == FacadeClass.BALCONY).any() for bay in bays]
-    rim = round(_JAMB_SHARE * (bottom - top))
+    rim = round(GROUND_FLOOR.jamb_share * (bottom - top))
     is_door = labels[top:bottom] == FacadeClass.DOOR
-    foot = is_door[round((1 - _DOOR_FOOT_SHARE) * (bottom - top)) :].any(axis=0)
+    foot = is_door[round((1 - GROUND_FLOOR.door_foot_share) * (bottom - top)) :].any(axis=0)
     door = np.zeros((1, labels.shape[1]), np.uint8)
     for left, right in spans_above_threshold(is_door.any(axis=0).astype(np.float64), 0.5):
         door[0, left:right] = foot[left:right].any()

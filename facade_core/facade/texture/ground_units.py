@@ -16,38 +16,13 @@ import shapely
 from facade_core.core.arrays import BoolArray, Float64Array, Int64Array, UInt8Array
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Lattice
-from facade_core.facade.texture.retargeting import PRICE_NOISE, ExemplarAnalysis, lattice_rows
+from facade_core.facade.texture.retargeting import ExemplarAnalysis, lattice_rows
+from facade_core.facade.texture.settings import GROUND_FLOOR, RETARGETING
 from facade_core.facade.texture.shortest_walks import part_transition_costs
 from facade_core.facade.texture.tile_composition import compose_tiles
 from facade_core.facade.texture.wall_floors import FacadeWall, WallFloor
 from facade_core.parsing.floor_structure import spans_above_threshold
 
-# Share of a column of the ground floor that shows an element; a lower one is a sill, a sign or an error of the parser.
-MIN_ELEMENT_SHARE = 0.12
-# Smallest width of a pier, below which the elements beside it are one, and of an element; metres.
-MIN_PIER_M = 0.12
-MIN_ELEMENT_M = 0.4
-# Step of the widths that sequences of units are compared by, metres.
-WIDTH_STEP_M = 0.25
-# Cost per squared log ratio of the wall's width to that of the units.
-STRETCH_COST = 6.0
-# Cost of a unit at the exemplar's left or right end inside of a wall.
-END_UNIT_COST = 0.3
-# Cost of a wall without a door, where the exemplar has one.
-NO_DOOR_COST = 0.5
-# Costs of each further door, and of a unit next to itself.
-DOOR_COST = 0.3
-REPEAT_COST = 0.3
-# Cost of elements that are squeezed by more than ELEMENT_STRETCH.
-SQUEEZED_COST = 10.0
-# Range of the stretch of piers before elements change.
-PIER_STRETCH = (0.5, 1.8)
-# Range of the stretch of elements; a wall that needs more is laid out by bays.
-ELEMENT_STRETCH = (0.8, 1.25)
-# Largest distance of a mapped entrance from a door or a shop, metres.
-MAX_ENTRANCE_OFFSET_M = 2.5
-# Metres by which a ground floor may extend beyond the free part of its wall.
-FREE_TOLERANCE_M = 0.1
 _ELEMENTS = (FacadeClass.SHOP, FacadeClass.DOOR, FacadeClass.WINDOW, FacadeClass.BALCONY)
 
 
@@ -87,12 +62,12 @@ def find_ground_units(image: UInt8Array, labels: UInt8Array, metres_per_pixel: f
     width = labels.shape[1]
     shown = np.isin(labels, _ELEMENTS).mean(axis=0)
     spans: list[tuple[int, int]] = []
-    for left, right in spans_above_threshold(shown, MIN_ELEMENT_SHARE):
-        if spans and left - spans[-1][1] < MIN_PIER_M / metres_per_pixel:
+    for left, right in spans_above_threshold(shown, GROUND_FLOOR.min_element_share):
+        if spans and left - spans[-1][1] < GROUND_FLOOR.min_pier_m / metres_per_pixel:
             spans[-1] = spans[-1][0], right
         else:
             spans.append((left, right))
-    spans = [(left, right) for left, right in spans if right - left >= MIN_ELEMENT_M / metres_per_pixel]
+    spans = [(left, right) for left, right in spans if right - left >= GROUND_FLOOR.min_element_m / metres_per_pixel]
     if not spans:
         return None
     cuts = [0, *((a + b) // 2 for (_, a), (b, _) in pairwise(spans)), width]
@@ -113,7 +88,7 @@ def _shows(
 ) -> BoolArray:
     """Return which parts (n,) between cuts show elements of some classes."""
     columns: BoolArray = np.asarray(np.isin(labels, classes).any(axis=0))
-    return np.array([columns[a:b].sum() * metres_per_pixel >= MIN_ELEMENT_M for a, b in pairwise(cuts)])
+    return np.array([columns[a:b].sum() * metres_per_pixel >= GROUND_FLOOR.min_element_m for a, b in pairwise(cuts)])
 
 
 def arrange_units(
@@ -138,19 +113,19 @@ def arrange_units(
     Units (k,) from the left, and the borders (3 k + 1,) of their piers and elements, metres; None where elements would be
     stretched too far.
     """
-    price = units.price * np.exp(PRICE_NOISE * rng.standard_normal(units.price.shape))
+    price = units.price * np.exp(RETARGETING.price_noise * rng.standard_normal(units.price.shape))
     chosen = _cheapest_sequence(price, units.widths * metres_per_pixel, units.has_door, width)
     sizes = metres_per_pixel * np.diff(units.columns).reshape(-1, 3)
     fitted = _fit_units(sizes[chosen], width).sum(axis=1)
     middle, doors = np.cumsum(fitted) - fitted / 2, np.flatnonzero(units.has_door)
     for place in entrances:
-        is_near = np.abs(middle - place) < fitted / 2 + MAX_ENTRANCE_OFFSET_M
+        is_near = np.abs(middle - place) < fitted / 2 + GROUND_FLOOR.max_entrance_offset_m
         if len(doors) and not (units.has_entrance[chosen] & is_near).any():
             own = int(np.argmin(np.abs(middle - place)))
             chosen[own] = doors[np.argmin(np.abs(units.widths[doors] - units.widths[chosen[own]]))]
     across = _fit_units(sizes[chosen], width)
     stretch = across[:, 1].sum() / sizes[chosen, 1].sum()
-    if not ELEMENT_STRETCH[0] <= stretch <= ELEMENT_STRETCH[1]:
+    if not GROUND_FLOOR.element_stretch[0] <= stretch <= GROUND_FLOOR.element_stretch[1]:
         return None
     return chosen, np.append(0.0, np.cumsum(across.ravel()))
 
@@ -158,7 +133,7 @@ def arrange_units(
 def _fit_units(sizes: Float64Array, width: float) -> Float64Array:
     """Fit piers and elements (k, 3) to a width, metres: elements keep theirs as far as piers have room."""
     piers, elements = float(sizes[:, [0, 2]].sum()), float(sizes[:, 1].sum())
-    pier = float(np.clip((width - elements) / piers, *PIER_STRETCH))
+    pier = float(np.clip((width - elements) / piers, *GROUND_FLOOR.pier_stretch))
     fitted: Float64Array = sizes * np.array([pier, (width - pier * piers) / elements, pier])
     return fitted
 
@@ -166,12 +141,12 @@ def _fit_units(sizes: Float64Array, width: float) -> Float64Array:
 def _cheapest_sequence(price: Float64Array, widths: Float64Array, has_door: BoolArray, total: float) -> Int64Array:
     """Return the sequence (k,) of parts of some widths (n,), metres, with the least price and stretch to a total.
 
-    It has a door, unless that costs more than NO_DOOR_COST.
+    It has a door, unless that costs more than `no_door_cost`.
     """
-    count, steps = len(widths), np.maximum(1, np.rint(widths / WIDTH_STEP_M).astype(int))
-    most = int(1.5 * total / WIDTH_STEP_M) + int(steps.max())
+    count, steps = len(widths), np.maximum(1, np.rint(widths / GROUND_FLOOR.width_step_m).astype(int))
+    most = int(1.5 * total / GROUND_FLOOR.width_step_m) + int(steps.max())
     inner = np.zeros(count)
-    inner[[0, -1]] = END_UNIT_COST
+    inner[[0, -1]] = GROUND_FLOOR.end_unit_cost
     # by the doors so far, 0 or more, the width so far and the last part
     score = np.full((2, most + 1, count), np.inf)
     came = np.full((2, most + 1, count, 2), -1)
@@ -180,16 +155,20 @@ def _cheapest_sequence(price: Float64Array, widths: Float64Array, has_door: Bool
     for at in range(1, most + 1):
         for part in np.flatnonzero(steps < at).tolist():
             options = score[:, at - steps[part]] + price[:, part] + inner[part]
-            options[1] += DOOR_COST * has_door[part]
-            options[:, part] += REPEAT_COST
+            options[1] += GROUND_FLOOR.door_cost * has_door[part]
+            options[:, part] += GROUND_FLOOR.repeat_cost
             for before in (0, 1):
                 after, best = max(before, int(has_door[part])), int(np.argmin(options[before]))
                 if options[before, best] < score[after, at, part]:
                     score[after, at, part], came[after, at, part] = options[before, best], (before, best)
     score[came[..., count - 1, 0] >= 0, count - 1] -= inner[count - 1]  # the exemplar's end is at the wall's
-    score[0] += NO_DOOR_COST * has_door.any()
-    score[:, 1:] += (STRETCH_COST * np.log(total / (WIDTH_STEP_M * np.arange(1, most + 1))) ** 2)[:, None]
-    score[:, int(total / ELEMENT_STRETCH[0] / WIDTH_STEP_M) + 1 :] += SQUEEZED_COST
+    score[0] += GROUND_FLOOR.no_door_cost * has_door.any()
+    score[:, 1:] += (
+        GROUND_FLOOR.stretch_cost * np.log(total / (GROUND_FLOOR.width_step_m * np.arange(1, most + 1))) ** 2
+    )[:, None]
+    score[:, int(total / GROUND_FLOOR.element_stretch[0] / GROUND_FLOOR.width_step_m) + 1 :] += (
+        GROUND_FLOOR.squeezed_cost
+    )
     doors, at, part = (int(one) for one in np.unravel_index(np.argmin(score), score.shape))
     found = [part]
     while (before := came[doors, at, part])[0] >= 0:
@@ -228,7 +207,7 @@ def paint_ground_units(
     """
     top, pixel = int(rows[0]), metres_per_pixel[1]
     area = shapely.box(0.0, top * pixel, wall.width, len(labels) * pixel)
-    if wall.seams or not wall.free.buffer(FREE_TOLERANCE_M).covers(area):
+    if wall.seams or not wall.free.buffer(GROUND_FLOOR.free_tolerance_m).covers(area):
         return
     own = lattice_rows(style, wall_floor.exemplar_floor)
     down = np.asarray(style.grid.rows[own.start : own.stop + 1])

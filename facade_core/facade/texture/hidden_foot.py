@@ -12,40 +12,9 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float64Array, Int64Array, UInt8Array
 from facade_core.core.labels import FacadeClass
+from facade_core.facade.texture.settings import HIDDEN_FOOT
 from facade_core.facade.wall_material import lit_colour
 from facade_core.parsing.floor_structure import FloorsAndBays, find_floors_and_bays
-
-# Hidden share of each of its rows,
-MIN_HIDDEN_ROW_SHARE = 0.6
-# and of all of it: where less is hidden, what is seen beside it is the better source.
-MIN_HIDDEN_SHARE = 0.8
-# Smallest visible share of a column: columns with less are ignored when a hidden foot is detected.
-MIN_SEEN_COLUMN_SHARE = 0.3
-# Height of a hidden foot in storeys; a lower one is the foot of a storey, which is inpainted.
-MIN_HEIGHT_STOREYS = 0.6
-# Largest share of the facade's height.
-MAX_HEIGHT_SHARE = 0.5
-# Largest hidden share of a storey that is repeated.
-MAX_HIDDEN_SOURCE_SHARE = 0.1
-# Range of the height of a usual storey, and of its windows, over the median.
-USUAL_HEIGHTS = (0.85, 1.15)
-USUAL_WINDOWS = (0.75, 1.33)
-# Balconies, as a share of a storey, that count as none.
-BALCONY_STEP_SHARE = 0.1
-# Correlation of the windows of a storey with those of the others, below the best one: one with an entrance is no source.
-MAX_LIKENESS_LOSS = 0.1
-# Storeys go on in step if the foot begins above windows, with this tolerance in storeys,
-STEP_TOLERANCE_STOREYS = 0.05
-# or if what is seen of the last one, or its windows, correlate so well with the repeated one.
-MIN_CORRELATION = 0.4
-# Largest factor, either way, that brings the repeated storey to the light of the one above the foot,
-MAX_GAIN = 1.25
-# by at least this share of wall in both.
-MIN_WALL_SHARE = 0.05
-# Smallest height, in storeys, of the last repeated one; a lower rest is bare wall below the one above it.
-MIN_LAST_STOREYS = 0.7
-# Rim below the top of the foot, in storeys, that is inpainted between photo and repetition.
-SEAM_STOREYS = 0.05
 
 
 class Storey(NamedTuple):
@@ -86,28 +55,31 @@ def find_hidden_foot(image: UInt8Array, hidden: BoolArray, labels: UInt8Array) -
     hidden : (h, w) bool pixels that do not show the facade.
     labels : (h, w) uint8 class ids; they count where the facade is seen.
     """
-    is_seen = hidden.mean(axis=0) <= 1 - MIN_SEEN_COLUMN_SHARE
+    is_seen = hidden.mean(axis=0) <= 1 - HIDDEN_FOOT.min_seen_column_share
     image, hidden, labels = image[:, is_seen], hidden[:, is_seen], labels[:, is_seen]
     height = len(hidden)
     if not is_seen.any():
         return None
-    is_hidden = hidden.mean(axis=1) >= MIN_HIDDEN_ROW_SHARE
+    is_hidden = hidden.mean(axis=1) >= HIDDEN_FOOT.min_hidden_row_share
     top = height - int(np.logical_and.accumulate(is_hidden[::-1]).sum())
-    if not (1 - MAX_HEIGHT_SHARE) * height <= top < height or hidden[top:].mean() < MIN_HIDDEN_SHARE:
+    if (
+        not (1 - HIDDEN_FOOT.max_height_share) * height <= top < height
+        or hidden[top:].mean() < HIDDEN_FOOT.min_hidden_share
+    ):
         return None
     shown = np.where(hidden, FacadeClass.WALL, labels)[:top].astype(np.uint8)
     found = find_floors_and_bays(shown)
     storey = None if found is None else _choose_storey(found, hidden, shown)
-    if found is None or storey is None or height - top < MIN_HEIGHT_STOREYS * storey.height:
+    if found is None or storey is None or height - top < HIDDEN_FOOT.min_height_storeys * storey.height:
         return None
     start = found.floors[-1][0] - (storey.window_top - storey.top)  # at the last windows, which the foot may cut
     start += max(0, top - start) // storey.height * storey.height
     start = min(start, top)
     rows, source = slice(start, top), slice(storey.top, storey.top + top - start)
     seen, window, grey = ~(hidden[rows] | hidden[source]), labels == FacadeClass.WINDOW, image.mean(axis=2)
-    above = storey.window_top - storey.top + STEP_TOLERANCE_STOREYS * storey.height
+    above = storey.window_top - storey.top + HIDDEN_FOOT.step_tolerance_storeys * storey.height
     in_step = top - start <= above or any(
-        _correlate(picture[rows][seen], picture[source][seen]) >= MIN_CORRELATION
+        _correlate(picture[rows][seen], picture[source][seen]) >= HIDDEN_FOOT.min_correlation
         for picture in (grey, window.astype(np.float64))
     )
     return HiddenFoot(top, start if in_step else top, storey)
@@ -135,7 +107,7 @@ def repeat_storeys(
     levelled = np.rint(image[rows] * _foot_gain(image, hidden, labels, foot))
     repeated[foot.top :] = np.clip(levelled, 0, 255).astype(np.uint8)
     missing[foot.top :], classes[foot.top :] = hidden[rows], labels[rows]
-    missing[foot.top : foot.top + max(1, round(SEAM_STOREYS * foot.storey.height))] = True
+    missing[foot.top : foot.top + max(1, round(HIDDEN_FOOT.seam_storeys * foot.storey.height))] = True
     return repeated, missing, classes
 
 
@@ -147,12 +119,12 @@ def _foot_gain(image: UInt8Array, hidden: BoolArray, labels: UInt8Array, foot: H
     """
     storey, wall = foot.storey, (labels == FacadeClass.WALL) & ~hidden
     parts = slice(storey.top, storey.bottom), slice(max(0, foot.top - storey.height), foot.top)
-    if any(wall[part].mean() < MIN_WALL_SHARE for part in parts):
+    if any(wall[part].mean() < HIDDEN_FOOT.min_wall_share for part in parts):
         return 1.0
     ratios = []
     for colour in (lit_colour, _median_colour):
         source, above = (float(colour(image[part][wall[part]]).mean()) + 1 for part in parts)
-        ratios.append(float(np.clip(above / source, 1 / MAX_GAIN, MAX_GAIN)))
+        ratios.append(float(np.clip(above / source, 1 / HIDDEN_FOOT.max_gain, HIDDEN_FOOT.max_gain)))
     low, high = min(ratios), max(ratios)
     return low if low > 1 else high if high < 1 else 1.0
 
@@ -171,8 +143,8 @@ def _choose_storey(found: FloorsAndBays, hidden: BoolArray, labels: UInt8Array) 
     if not len(pitches):
         return None
     pitch = round(float(np.median(pitches)))
-    is_usual = _are_within(pitches, USUAL_HEIGHTS)
-    has_usual_windows = _are_within(np.array([last - first for first, last in found.floors]), USUAL_WINDOWS)
+    is_usual = _are_within(pitches, HIDDEN_FOOT.usual_heights)
+    has_usual_windows = _are_within(np.array([last - first for first, last in found.floors]), HIDDEN_FOOT.usual_windows)
     storeys = []
     for k, windows in enumerate(found.floors):
         top = found.floor_cuts[k] if k else found.floor_cuts[1] - pitch  # over the first floor is an attic, or a roof
@@ -182,7 +154,7 @@ def _choose_storey(found: FloorsAndBays, hidden: BoolArray, labels: UInt8Array) 
         if found.kinds[k] == "middle" and usual and is_whole:
             storeys.append(storey)
 
-    seen = [one for one in storeys if hidden[one.top : one.bottom].mean() <= MAX_HIDDEN_SOURCE_SHARE]
+    seen = [one for one in storeys if hidden[one.top : one.bottom].mean() <= HIDDEN_FOOT.max_hidden_source_share]
     if not seen:
         return None
     is_window = labels == FacadeClass.WINDOW
@@ -190,8 +162,8 @@ def _choose_storey(found: FloorsAndBays, hidden: BoolArray, labels: UInt8Array) 
         [np.roll(is_window[one.top : one.bottom], one.top - one.window_top, axis=0) for one in seen]
     )
     balconies = [(labels[one.top : one.bottom] == FacadeClass.BALCONY).mean() for one in seen]
-    usual_ones = np.flatnonzero(likeness >= likeness.max() - MAX_LIKENESS_LOSS).tolist()
-    return seen[min(usual_ones, key=lambda k: (int(balconies[k] / BALCONY_STEP_SHARE), -seen[k].top))]
+    usual_ones = np.flatnonzero(likeness >= likeness.max() - HIDDEN_FOOT.max_likeness_loss).tolist()
+    return seen[min(usual_ones, key=lambda k: (int(balconies[k] / HIDDEN_FOOT.balcony_step_share), -seen[k].top))]
 
 
 def _likeness_to_others(windows: Sequence[BoolArray]) -> Float64Array:
@@ -210,7 +182,7 @@ def _are_within(sizes: Int64Array, limits: tuple[float, float]) -> BoolArray:
 
 def _source_rows(storey: Storey, height: int) -> Int64Array:
     """Return the rows of the image that are shown on a foot of some rows, from its top."""
-    count = max(1, int(height / storey.height + 1 - MIN_LAST_STOREYS))
+    count = max(1, int(height / storey.height + 1 - HIDDEN_FOOT.min_last_storeys))
     last = height - (count - 1) * storey.height
     window = min(storey.window_bottom - storey.window_top, round(0.75 * last))
     above = min(storey.window_top - storey.top, last - window)

@@ -11,16 +11,14 @@ from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN, FacadeCla
 from facade_core.core.levelling import fill_unknown_values
 from facade_core.core.types import Element
 from facade_core.facade.texture.floor_inpainting import fill_by_floors
-from facade_core.facade.texture.validation import MIN_SIDE_PX, check_exemplar_image, check_exemplar_labels, check_mask
+from facade_core.facade.texture.settings import INPAINTING, PICTURES
+from facade_core.facade.texture.validation import check_exemplar_image, check_exemplar_labels, check_mask
 from facade_core.facade.texture.window_completion import complete_windows
 from facade_core.parsing.floor_structure import find_floors_and_bays
 
-_WALL_MARGIN = 0.3  # width of the wall that a layout implies around an element, as a share of its size
 # Labels of the ground floor, and their smallest confidence to be drawn: the visible ground floor is a better guide than a
 # guess.
 _GROUND_LABELS = ("door", "shop")
-_MIN_GROUND_CONFIDENCE = 0.3
-_MIN_AGREEMENT = 0.7  # smallest share of agreeing votes of other bays
 
 
 def inpaint(
@@ -33,7 +31,7 @@ def inpaint(
     """Fill the masked pixels of a facade; all other pixels keep their bits.
 
     Sources are whole floors and bays away (floors paper). Without any repetition they are where the rim fits best.
-    Pixels without a source are diffused, and so are all where a side has less than MIN_SIDE_PX pixels, on which
+    Pixels without a source are diffused, and so are all where a side has less than `min_side_px` pixels, on which
     nothing repeats.
 
     Elements of a completed layout guide the sources: windows anywhere, doors and shops if likely. Each window and
@@ -61,17 +59,17 @@ def inpaint(
         check_exemplar_labels(image, labels)
     if not mask.any():
         return image.copy()
-    if min(mask.shape) < MIN_SIDE_PX:
+    if min(mask.shape) < PICTURES.min_side_px:
         return np.where(mask[..., None], np.rint(fill_unknown_values(image, ~mask)).astype(np.uint8), image)
     likely = select_likely_elements(elements or ())
-    guide = vote_across_bays(draw_guide(mask, labels, likely), agreed=_MIN_AGREEMENT)
+    guide = vote_across_bays(draw_guide(mask, labels, likely), agreed=INPAINTING.min_agreement)
     result = clip_to_visible_range(fill_by_floors(image, mask, guide), image, mask)
     return complete_windows(result, mask, likely) if likely else result
 
 
 def select_likely_elements(elements: Sequence[Element]) -> list[Element]:
     """Select the elements of a layout that are drawn: all windows and balconies, and likely doors and shops."""
-    return [e for e in elements if e.confidence >= _MIN_GROUND_CONFIDENCE or e.label not in _GROUND_LABELS]
+    return [e for e in elements if e.confidence >= INPAINTING.min_ground_confidence or e.label not in _GROUND_LABELS]
 
 
 def clip_to_visible_range(filled: UInt8Array, image: UInt8Array, mask: BoolArray) -> UInt8Array:
@@ -93,7 +91,7 @@ def draw_guide(mask: BoolArray, labels: UInt8Array | None, elements: Sequence[El
     """
     guide = np.full(mask.shape, UNKNOWN, np.uint8) if labels is None else np.where(mask, UNKNOWN, labels)
     free = mask | (labels is None)
-    drawn = [(e, FacadeClass.WALL, _WALL_MARGIN) for e in elements if e.label not in _GROUND_LABELS]
+    drawn = [(e, FacadeClass.WALL, INPAINTING.wall_margin) for e in elements if e.label not in _GROUND_LABELS]
     for name in reversed(ELEMENT_CLASSES):
         drawn += [(e, FacadeClass(CLASSES.index(name)), 0.0) for e in elements if e.label == name]
     for e, label, margin in drawn:

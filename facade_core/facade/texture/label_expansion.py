@@ -6,9 +6,8 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int64Array
 from facade_core.core.numba_cache import njit
+from facade_core.facade.texture.settings import INPAINTING
 from facade_core.facade.texture.source_costs import UNUSABLE_PRICE, SourceCosts
-
-EXPANSION_SWEEPS = 2
 
 
 def choose_sources(costs: SourceCosts, edges: Int64Array, rim_prices: Float32Array, seam_price: float) -> Int64Array:
@@ -31,7 +30,7 @@ def choose_sources(costs: SourceCosts, edges: Int64Array, rim_prices: Float32Arr
     """
     unary = costs.price + rim_prices
     labels: Int64Array = unary.argmin(0)
-    for _ in range(EXPANSION_SWEEPS):
+    for _ in range(INPAINTING.expansion_sweeps):
         changed = False
         for alpha in np.argsort(-np.bincount(labels, minlength=len(unary)), kind="stable"):
             changed |= _expand_label(int(alpha), labels, unary, costs.colour, edges, seam_price)

@@ -8,9 +8,7 @@ import numpy as np
 from facade_core.core.arrays import BoolArray, Float32Array, Int32Array, Int64Array, UInt8Array
 from facade_core.core.numba_cache import njit
 from facade_core.facade.texture.gradient_blending import solve_colour_offsets
-
-_JOIN_RADIUS_PX = 8  # holes nearer than twice this are blended together
-_MAX_SAMPLES = 4000  # known pixels for the fit of a part's translation
+from facade_core.facade.texture.settings import BLENDING
 
 
 def fill_from_chosen_sources(
@@ -50,7 +48,7 @@ def fill_from_chosen_sources(
         near = cv2.blur((parts[around] == part).astype(np.float32), (size, size)) > 0
         ys, xs = np.nonzero(near & (chosen[around] < 0))
         where = np.stack([ys + around[0].start, xs + around[1].start], 1)
-        where = where[:: max(1, len(where) // _MAX_SAMPLES)] * factor + factor // 2
+        where = where[:: max(1, len(where) // BLENDING.max_samples)] * factor + factor // 2
         fitted[part] = _fit_translation(image, known, where, full, factor + 1)
     number = np.repeat(np.repeat(parts, factor, 0), factor, 1)[: known.shape[0], : known.shape[1]].astype(np.int32)
     number[known] = 0
@@ -106,7 +104,7 @@ def _blend_holes(
 
     out, done = image.copy(), known.copy()
     joined = cv2.dilate(
-        (~known).astype(np.uint8), np.ones((2 * _JOIN_RADIUS_PX + 1, 2 * _JOIN_RADIUS_PX + 1), np.uint8)
+        (~known).astype(np.uint8), np.ones((2 * BLENDING.join_radius_px + 1, 2 * BLENDING.join_radius_px + 1), np.uint8)
     )
     numbered, _ = ndimage.label(joined)
     for k, (rows, columns) in enumerate(ndimage.find_objects(numbered), 1):

@@ -12,6 +12,7 @@ from facade_core.core.errors import ImageError
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Lattice, Synthesis
 from facade_core.facade.texture.genetic import POPULATION_SIZE, NodeConstraints, evolve_tilings
+from facade_core.facade.texture.settings import RETARGETING
 from facade_core.facade.texture.shortest_walks import cheapest_walk, part_transition_costs
 from facade_core.facade.texture.synthesis import cell_borders, mean_tile_sizes
 from facade_core.facade.texture.tile_composition import compose_tiles
@@ -23,12 +24,6 @@ from facade_core.parsing.floor_structure import (
     find_floors_and_bays,
     floor_bay_lattice,
 )
-
-RETARGETING_GENERATIONS = 400
-PRICE_NOISE = 0.35  # log-normal deviation of jump prices between results
-_EAVES_PRICE = 2.0  # price of showing the top floor, which has the eaves, below another
-_PIER_STRETCH = (0.45, 1.8)  # range of a pier's stretch before its windows change
-_WINDOW_STRETCH = (0.9, 1.1)  # range of a window's stretch beyond which its piers change alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +104,7 @@ def retarget(
         rng = np.random.default_rng([seed, k])
         for attempt in range(4):
             result = _compose_facade(
-                style, size, floors, columns, rng, noise=PRICE_NOISE * (k + attempt > 0) * (1 + attempt)
+                style, size, floors, columns, rng, noise=RETARGETING.price_noise * (k + attempt > 0) * (1 + attempt)
             )
             if not any(np.array_equal(result.tiles, other.tiles) for other in results):
                 break
@@ -145,7 +140,7 @@ def analyse_exemplar(image: UInt8Array, labels: UInt8Array) -> ExemplarAnalysis:
     }
     rows = image[:, bay_cuts[0] : bay_cuts[-1]].transpose(1, 0, 2)
     floor_price = part_transition_costs(rows, labels.T, np.asarray(exemplar.floor_cuts))
-    floor_price[:, 0] += _EAVES_PRICE
+    floor_price[:, 0] += RETARGETING.eaves_price
     street = (labels[exemplar.ground_top :] == FacadeClass.DOOR).sum(0)
     door_columns = np.flatnonzero(street > 0.25 * street.max()) if street.any() else np.array([], int)
     pieces = np.split(door_columns, np.flatnonzero(np.diff(door_columns) > 1) + 1) if len(door_columns) else []
@@ -311,7 +306,7 @@ def refine_tiling(
         style.tables,
         population,
         NodeConstraints(rows.astype(np.int64), columns.astype(np.int64), frozen, np.ones((tall, wide), bool)),
-        generations=RETARGETING_GENERATIONS,
+        generations=RETARGETING.generations,
         rng=rng,
     )
     return tiles, float(lowest[-1])
@@ -320,7 +315,7 @@ def refine_tiling(
 def fit_sizes_to_total(sizes: Float64Array, soft: BoolArray, total: float) -> Float64Array:
     """Fit sizes to a total: soft ones (piers) change first, within limits, then all, then soft ones alone.
 
-    Hard ones change beyond _WINDOW_STRETCH only where they exceed the total.
+    Hard ones change beyond `window_stretch` only where they exceed the total.
 
     Parameters
     ----------
@@ -329,10 +324,10 @@ def fit_sizes_to_total(sizes: Float64Array, soft: BoolArray, total: float) -> Fl
     total : wanted sum.
     """
     room = total - sizes[~soft].sum()
-    stretch = float(np.clip(room / sizes[soft].sum(), *_PIER_STRETCH))
+    stretch = float(np.clip(room / sizes[soft].sum(), *RETARGETING.pier_stretch))
     fitted = np.where(soft, sizes * stretch, sizes)
     common = total / float(fitted.sum())
-    limited = float(np.clip(common, *_WINDOW_STRETCH))
+    limited = float(np.clip(common, *RETARGETING.window_stretch))
     room = total - limited * float(sizes[~soft].sum())
     if limited == common or room <= 0:
         scaled: Float64Array = fitted * common

@@ -7,20 +7,11 @@ import numpy as np
 
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.labels import UNKNOWN, FacadeClass
+from facade_core.facade.texture.settings import ROOF_REMOVAL
 from facade_core.parsing.floor_structure import find_floors_and_bays
 
-# Smallest share of wall in a row of a frieze, parapet or cornice, which closes the wall.
-MIN_WALL_SHARE = 0.5
 # Classes above the wall: the roof, its windows, and balconies before them.
 _CLASSES_ABOVE = (FacadeClass.ROOF, FacadeClass.SKY, FacadeClass.WINDOW, FacadeClass.BALCONY, UNKNOWN)
-# Differences from the wall below in CIELAB, of hue and of lightness, from which a row shows a roof or the sky. A lighter row
-# may be a sunlit wall.
-MIN_CHROMA_DIFFERENCE = 14.0
-MIN_DARKENING = 20.0
-# Smallest share of such rows above the lowest of them.
-MIN_FOREIGN_SHARE = 0.8
-# Smallest height of such rows, in storeys; lower ones may be a cornice or its shadow.
-MIN_FOREIGN_STOREYS = 0.15
 
 
 def cut_off_roof(image: UInt8Array, labels: UInt8Array) -> tuple[UInt8Array, UInt8Array]:
@@ -44,7 +35,7 @@ def cut_off_roof(image: UInt8Array, labels: UInt8Array) -> tuple[UInt8Array, UIn
     highest = next(number for number, kind in enumerate(found.kinds) if kind != "roof")
     over, first = labels[: found.floors[highest][0]], 0
     if (over == FacadeClass.ROOF).any():
-        above = np.isin(over, _CLASSES_ABOVE).mean(axis=1) > 1 - MIN_WALL_SHARE
+        above = np.isin(over, _CLASSES_ABOVE).mean(axis=1) > 1 - ROOF_REMOVAL.min_wall_share
         first = int(np.flatnonzero(above)[-1]) + 1 if above.any() else 0
     first += _count_foreign_rows(image[first:], labels[first:])
     if not first:
@@ -66,11 +57,11 @@ def _count_foreign_rows(image: UInt8Array, labels: UInt8Array) -> int:
     is_shown = ~np.isin(classes, (FacadeClass.WINDOW, FacadeClass.BALCONY))
     wall = np.median(below, axis=0)
     rows = np.array([np.median(lab[row][is_shown[row]], axis=0) if is_shown[row].any() else wall for row in range(low)])
-    is_foreign = np.linalg.norm(rows[:, 1:] - wall[1:], axis=1) > MIN_CHROMA_DIFFERENCE
-    is_foreign |= rows[:, 0] < wall[0] - MIN_DARKENING
+    is_foreign = np.linalg.norm(rows[:, 1:] - wall[1:], axis=1) > ROOF_REMOVAL.min_chroma_difference
+    is_foreign |= rows[:, 0] < wall[0] - ROOF_REMOVAL.min_darkening
     shares = np.cumsum(is_foreign) / np.arange(1, low + 1)
-    last = np.flatnonzero(is_foreign & (shares >= MIN_FOREIGN_SHARE))
+    last = np.flatnonzero(is_foreign & (shares >= ROOF_REMOVAL.min_foreign_share))
     count = int(last[-1]) + 1 if len(last) else 0
-    if count < MIN_FOREIGN_STOREYS * (low - top):
+    if count < ROOF_REMOVAL.min_foreign_storeys * (low - top):
         return 0
     return min(count, top)  # a floor of another colour stays

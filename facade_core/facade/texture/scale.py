@@ -7,18 +7,16 @@ import numpy as np
 from facade_core.core.arrays import Float64Array, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import FacadeClass
+from facade_core.facade.texture.settings import PICTURES
 from facade_core.facade.texture.validation import check_exemplar_image, check_exemplar_labels
 from facade_core.parsing.floor_structure import window_row_spans
-
-DOOR_HEIGHT_M = 2.4  # frame included
-WINDOW_SHARE = 0.55  # of a floor's height that its windows take
 
 
 def exemplar_scale(image: UInt8Array, labels: UInt8Array, *, storey: float = 3.2) -> float:
     """Estimate the metres per pixel of an exemplar.
 
     Two or more rows of windows: floor height over the median spacing of their middles. One row: a door has
-    DOOR_HEIGHT_M metres, else the windows have WINDOW_SHARE of a floor.
+    `door_height_m` metres, else the windows have `window_share` of a floor.
 
     Parameters
     ----------
@@ -41,9 +39,9 @@ def exemplar_scale(image: UInt8Array, labels: UInt8Array, *, storey: float = 3.2
         return storey / _typical_spacing(np.diff(middles))
     door = (labels == FacadeClass.DOOR).any(1).sum()
     if door:
-        return DOOR_HEIGHT_M / float(door)
+        return PICTURES.door_height_m / float(door)
     if len(spans) == 1:
-        return WINDOW_SHARE * storey / float(spans[0][1] - spans[0][0])
+        return PICTURES.window_share * storey / float(spans[0][1] - spans[0][0])
     raise ImageError("exemplar_scale: the labels show neither windows nor a door; label the exemplar or give its scale")
 
 

@@ -6,12 +6,7 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float64Array, Int64Array, UInt8Array
 from facade_core.core.labels import FacadeClass
-
-_CUT_REACH_PX = 4  # compared on either side of a cut
-_JUMP_PRICE = 0.03  # of any jump, in mean absolute colour difference (0-1)
-_REPEAT_PRICE = 0.02  # of showing a part twice in a row
-_CUT_PRICE = 4.0  # of a jump through windows or doors along the whole cut
-_MISMATCH_PRICE = 0.6  # of a jump between different labels, such as from a balcony to plain wall
+from facade_core.facade.texture.settings import RETARGETING
 
 
 def part_transition_costs(image: UInt8Array, labels: UInt8Array, cuts: Int64Array) -> Float64Array:
@@ -27,7 +22,7 @@ def part_transition_costs(image: UInt8Array, labels: UInt8Array, cuts: Int64Arra
     """
     last = image.shape[1] - 1
     count = len(cuts) - 1
-    strip = np.clip(np.asarray(cuts)[:, None] + np.arange(-_CUT_REACH_PX, _CUT_REACH_PX), 0, last)
+    strip = np.clip(np.asarray(cuts)[:, None] + np.arange(-RETARGETING.cut_reach_px, RETARGETING.cut_reach_px), 0, last)
     seen = (image[:, strip].astype(np.float32) / 255.0).transpose(1, 0, 2, 3)
     label = labels[:, np.clip(np.asarray(cuts), 0, last)].T
     before = labels[:, np.clip(np.asarray(cuts) - 1, 0, last)].T
@@ -37,7 +32,9 @@ def part_transition_costs(image: UInt8Array, labels: UInt8Array, cuts: Int64Arra
             end, start = a + 1, b
             colour = np.abs(seen[end] - seen[start])
             # Beyond a border of the facade there is nothing to compare.
-            kept = [colour[:, :_CUT_REACH_PX]] * (start > 0) + [colour[:, _CUT_REACH_PX:]] * (end < count)
+            kept = [colour[:, : RETARGETING.cut_reach_px]] * (start > 0) + [colour[:, RETARGETING.cut_reach_px :]] * (
+                end < count
+            )
             differ = float(np.mean([part.mean() for part in kept])) if kept else 0.5
             joint = (before[end] != label[start]) & (
                 np.isin(before[end], (FacadeClass.BALCONY, FacadeClass.WINDOW, FacadeClass.DOOR))
@@ -45,7 +42,11 @@ def part_transition_costs(image: UInt8Array, labels: UInt8Array, cuts: Int64Arra
             )
             broken = max(_cut_share(before[end], label[end]), _cut_share(before[start], label[start]))
             price[a, b] = (
-                _JUMP_PRICE + differ + _MISMATCH_PRICE * joint.mean() + _CUT_PRICE * broken + _REPEAT_PRICE * (a == b)
+                RETARGETING.jump_price
+                + differ
+                + RETARGETING.mismatch_price * joint.mean()
+                + RETARGETING.cut_price * broken
+                + RETARGETING.repeat_price * (a == b)
             )
     price[np.arange(count - 1), np.arange(1, count)] = 0.0
     return price

@@ -11,24 +11,13 @@ from scipy.ndimage import gaussian_filter1d
 
 from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int64Array, UInt8Array
 from facade_core.core.numba_cache import njit
+from facade_core.facade.texture.settings import SOURCE_COSTS
 
 UNUSABLE_PRICE = np.float32(1e4)
 # Weights of row, column and window errors in a price, near the best fit to 150,000 copies on facades with known truth.
 _ROW_WEIGHT = 0.4
 _COLUMN_WEIGHT = 0.1
 _WINDOW_WEIGHT = 0.45
-# Weight of the prior in pixels of a line.
-_LINE_PRIOR_PX = 40.0
-# Weight of the prior as a share of a window.
-_WINDOW_PRIOR = 0.05
-# Rows over which line colours are mixed.
-_LINE_BLUR_SIGMA = 2.0
-# Pixels of the whole image that each line adds.
-_IMAGE_PRIOR_PX = 4.0
-# Price, in the image's variance, of a pixel of another class than planned.
-_CLASS_PRICE = 0.25
-# Price, in the image's variance, of surroundings of other classes.
-_WINDOW_CLASS_PRICE = 0.25
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,10 +91,10 @@ def compute_source_costs(
         rows, columns = _line_error(error, seen, 1, any_rows), _line_error(error, seen, 0, any_columns)
         mismatch, both_known = _class_mismatches(guide, dy, step, mirrored)
         near = np.float32(_WINDOW_WEIGHT) * _window_error(error, seen, size, any_rows[:, None])
-        near += np.float32(_WINDOW_CLASS_PRICE * spread) * _window_error(
+        near += np.float32(SOURCE_COSTS.window_class_price * spread) * _window_error(
             mismatch, both_known, size, np.full(1, 0.5, np.float32)
         )
-        terms = _PriceTerms(rows, columns, near, _CLASS_PRICE * spread)
+        terms = _PriceTerms(rows, columns, near, SOURCE_COSTS.class_price * spread)
         _price_pixels(
             _GuidedImage(image, known, guide), hidden, _Translation(dy, step, mirrored), terms, price[k], colour[k]
         )
@@ -116,17 +105,17 @@ def _line_moments(image: Float32Array, known: BoolArray, axis: int) -> tuple[Flo
     """Return mean (n, 3) and mean square (n,) of the known pixels of every row (axis 1) or column (axis 0)."""
     visible = image[known]
     count = (
-        gaussian_filter1d(known.sum(axis, dtype=np.float64), _LINE_BLUR_SIGMA, mode="constant")[:, None]
-        + _IMAGE_PRIOR_PX
+        gaussian_filter1d(known.sum(axis, dtype=np.float64), SOURCE_COSTS.line_blur_sigma, mode="constant")[:, None]
+        + SOURCE_COSTS.image_prior_px
     )
     first = gaussian_filter1d(
-        (image * known[..., None]).sum(axis, dtype=np.float64), _LINE_BLUR_SIGMA, axis=0, mode="constant"
+        (image * known[..., None]).sum(axis, dtype=np.float64), SOURCE_COSTS.line_blur_sigma, axis=0, mode="constant"
     )
     second = gaussian_filter1d(
-        (image**2 * known[..., None]).sum(axis, dtype=np.float64), _LINE_BLUR_SIGMA, axis=0, mode="constant"
+        (image**2 * known[..., None]).sum(axis, dtype=np.float64), SOURCE_COSTS.line_blur_sigma, axis=0, mode="constant"
     )
-    mean = (first + _IMAGE_PRIOR_PX * visible.mean(0)) / count
-    return mean, ((second + _IMAGE_PRIOR_PX * (visible**2).mean(0)) / count).mean(1)
+    mean = (first + SOURCE_COSTS.image_prior_px * visible.mean(0)) / count
+    return mean, ((second + SOURCE_COSTS.image_prior_px * (visible**2).mean(0)) / count).mean(1)
 
 
 def _expected_difference(moments: tuple[Float64Array, Float64Array], other: Int64Array) -> Float32Array:
@@ -138,8 +127,10 @@ def _expected_difference(moments: tuple[Float64Array, Float64Array], other: Int6
 
 def _line_error(error: Float32Array, seen: Float32Array, axis: int, usual: Float32Array) -> Float32Array:
     """Return the mean error of every row (axis 1) or column (axis 0)."""
-    total, count = (gaussian_filter1d(values.sum(axis), _LINE_BLUR_SIGMA, mode="constant") for values in (error, seen))
-    return _shrink_to_prior(total, count, _LINE_PRIOR_PX, usual)
+    total, count = (
+        gaussian_filter1d(values.sum(axis), SOURCE_COSTS.line_blur_sigma, mode="constant") for values in (error, seen)
+    )
+    return _shrink_to_prior(total, count, SOURCE_COSTS.line_prior_px, usual)
 
 
 def _window_error(error: Float32Array, seen: Float32Array, side: int, usual: Float32Array) -> Float32Array:
@@ -152,7 +143,7 @@ def _window_error(error: Float32Array, seen: Float32Array, side: int, usual: Flo
         )
         for values in (error, seen)
     )
-    return _shrink_to_prior(total, count, _WINDOW_PRIOR, usual)
+    return _shrink_to_prior(total, count, SOURCE_COSTS.window_prior, usual)
 
 
 def _shrink_to_prior(total: Float32Array, count: Float32Array, prior: float, usual: Float32Array) -> Float32Array:

@@ -8,11 +8,10 @@ from facade_core.core.arrays import Float64Array, Int32Array, Int64Array, IntArr
 from facade_core.core.errors import ImageError
 from facade_core.core.types import Lattice, Synthesis
 from facade_core.facade.texture.genetic import POPULATION_SIZE, NodeConstraints, evolve_tilings
+from facade_core.facade.texture.settings import SYNTHESIS
 from facade_core.facade.texture.tile_composition import compose_tiles
 from facade_core.facade.texture.tiling_energy import EnergyTables, tabulate_energy
 from facade_core.facade.texture.validation import check_exemplar_image, check_exemplar_labels
-
-SYNTHESIS_GENERATIONS = 5000
 
 
 def synthesize(image: UInt8Array, labels: UInt8Array, size: tuple[int, int], *, seed: int = 0) -> Synthesis:
@@ -48,7 +47,7 @@ def synthesize_on_lattice(
     size: tuple[int, int],
     *,
     seed: int = 0,
-    generations: int = SYNTHESIS_GENERATIONS,
+    generations: int = SYNTHESIS.generations,
 ) -> Synthesis:
     """Synthesize on a given lattice: M' = [H' M / H] rows and N' = [W' N / W] columns of tiles.
 
@@ -78,7 +77,7 @@ def evolve_random_tilings(
     grid: Lattice,
     shape: tuple[int, int],
     rng: np.random.Generator,
-    generations: int = SYNTHESIS_GENERATIONS,
+    generations: int = SYNTHESIS.generations,
 ) -> tuple[Int32Array, Float64Array]:
     """Evolve random tilings (Algo. 2).
 

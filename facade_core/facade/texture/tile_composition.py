@@ -1,6 +1,6 @@
 """Render a tiling: tiles are warped into their cells, and borders move to where neighbours agree.
 
-Detail changes from one tile to the next along a path of least difference, up to MAX_SEAM_SHIFT_PX off the cell's
+Detail changes from one tile to the next along a path of least difference, up to `max_seam_shift_px` off the cell's
 border. Colour (the low band after a blur) cross-fades over the border.
 """
 
@@ -13,13 +13,10 @@ from facade_core.core.arrays import Float32Array, Float64Array, Int32Array, Int6
 from facade_core.core.numba_cache import njit
 from facade_core.core.types import Lattice
 from facade_core.facade.texture.seams import find_min_error_path
+from facade_core.facade.texture.settings import SYNTHESIS
 
-# Lengths in pixels of the exemplar.
-MAX_SEAM_SHIFT_PX = 5  # distance of a path from the border
 # Cost of each pixel by which a path cuts off or adds to an element, beyond any difference of colour: no path does.
 _LABEL_COST = 1e12
-_BAND_SIGMA_PX = 6.0  # separates colour (low band) from detail (high band)
-_FADE_PX = 10  # width of the cross-fade of colour on either side of a border
 
 
 def compose_tiles(
@@ -63,13 +60,16 @@ def compose_tiles(
         source_rows, source_columns = source_rows * small[0] / height, source_columns * small[1] / width
     colour = image.astype(np.float32)
     where = (source_rows, source_columns, tiles, rows, columns)
-    reach = max(1, round(MAX_SEAM_SHIFT_PX / reduction))
+    reach = max(1, round(SYNTHESIS.max_seam_shift_px / reduction))
     right_start, lower_start = _find_seam_paths(colour, labels, *where, full_rows, full_columns, reach)
     cell = _assign_cells(right_start, lower_start, rows, columns)
     low: Float32Array = np.asarray(
-        cv2.GaussianBlur(colour, (0, 0), _BAND_SIGMA_PX / reduction, borderType=cv2.BORDER_REPLICATE), np.float32
+        cv2.GaussianBlur(colour, (0, 0), SYNTHESIS.band_sigma_px / reduction, borderType=cv2.BORDER_REPLICATE),
+        np.float32,
     )
-    out = _render_faded(low, *where, max(1, round(_FADE_PX / reduction))) + _render_cells(colour - low, cell, *where)
+    out = _render_faded(low, *where, max(1, round(SYNTHESIS.fade_px / reduction))) + _render_cells(
+        colour - low, cell, *where
+    )
     fine = _render_labels(labels, cell, full_rows, full_columns, tiles, rows, columns)
     return np.clip(np.rint(out), 0, 255).astype(np.uint8), fine
 

@@ -2,9 +2,9 @@
 
 Approximations, which reduce a generation to look-ups:
 
-* Photo consistency (Eq. 5): the 6 px strip over a tile boundary is compared after area reduction to STRIP_SAMPLES
+* Photo consistency (Eq. 5): the 6 px strip over a tile boundary is compared after area reduction to `strip_samples`
 samples along the boundary. The nearest exemplar window is searched among the strips over every lattice boundary
-and an even spread of other positions, at most MAX_WINDOWS in all; strips over neighbours of the exemplar have
+and an even spread of other positions, at most `max_windows` in all; strips over neighbours of the exemplar have
 distance 0.
 * Structural consistency (Eq. 6): label histograms are rounded to 1/16, so tiles fall into few kinds and the
 exemplar's templates into few distinct rows of kinds.
@@ -22,14 +22,10 @@ from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int32
 from facade_core.core.labels import CLASSES
 from facade_core.core.numba_cache import njit
 from facade_core.core.types import Lattice
+from facade_core.facade.texture.settings import SYNTHESIS
 
-STRIP_SAMPLES = 8
-HALF_STRIP_PX = 3
-MAX_WINDOWS = 768
 TEMPLATE_ORDER = 4
-ZETA_SHARE = 0.1
 _LABEL_BINS = len(CLASSES) + 1
-_HISTOGRAM_STEPS = 16
 
 
 class EnergyTables(NamedTuple):
@@ -104,7 +100,7 @@ def label_histograms(labels: UInt8Array, rows: Int64Array, columns: Int64Array) 
 
 
 def _tile_kinds(labels: UInt8Array, rows: Int64Array, columns: Int64Array) -> tuple[Int32Array, Float32Array]:
-    rounded = np.rint(label_histograms(labels, rows, columns) * _HISTOGRAM_STEPS) / _HISTOGRAM_STEPS
+    rounded = np.rint(label_histograms(labels, rows, columns) * SYNTHESIS.histogram_steps) / SYNTHESIS.histogram_steps
     distinct, kind = np.unique(rounded, axis=0, return_inverse=True)
     distance = ((distinct[:, None] - distinct[None]) ** 2).sum(-1)
     return kind.reshape(-1).astype(np.int32), distance.astype(np.float32)
@@ -127,28 +123,28 @@ def _structure_scale(kind: Int32Array, distance: Float32Array, templates: Int32A
 
 
 def _exponent_scale(span: float) -> float:
-    return 1.0 / (2.0 * (ZETA_SHARE * span) ** 2) if span > 1e-6 else 1.0
+    return 1.0 / (2.0 * (SYNTHESIS.zeta_share * span) ** 2) if span > 1e-6 else 1.0
 
 
 def _photo_consistency(image: UInt8Array, rows: Int64Array, columns: Int64Array, seen: BoolArray) -> Float32Array:
     """Return Eq. 5 for all ordered pairs (left tile, right tile), (T, T) float32 exponents."""
     height, width = seen.shape
-    # Rows are reduced once per band, (bands, STRIP_SAMPLES, W, 3); a half-strip is then three columns.
+    # Rows are reduced once per band, (bands, strip_samples, W, 3); a half-strip is then three columns.
     bands = np.stack(
         [
-            cv2.resize(image[a:b], (image.shape[1], STRIP_SAMPLES), interpolation=cv2.INTER_AREA)
+            cv2.resize(image[a:b], (image.shape[1], SYNTHESIS.strip_samples), interpolation=cv2.INTER_AREA)
             for a, b in zip(rows, rows[1:], strict=False)
         ]
     ).astype(np.float32)
-    inner = np.arange(HALF_STRIP_PX)
-    right_columns = np.maximum(columns[1:, None] - HALF_STRIP_PX + inner, columns[:-1, None])
+    inner = np.arange(SYNTHESIS.half_strip_px)
+    right_columns = np.maximum(columns[1:, None] - SYNTHESIS.half_strip_px + inner, columns[:-1, None])
     left_columns = np.minimum(columns[:-1, None] + inner, columns[1:, None] - 1)
     right_edge = bands[:, :, right_columns].transpose(0, 2, 1, 3, 4).reshape(height * width, -1)
     left_edge = bands[:, :, left_columns].transpose(0, 2, 1, 3, 4).reshape(height * width, -1)
     band, at = _exemplar_windows(columns, seen)
     reach = image.shape[1] - 1
     before = (
-        bands[band[:, None], :, np.clip(at[:, None] - HALF_STRIP_PX + inner, 0, reach)]
+        bands[band[:, None], :, np.clip(at[:, None] - SYNTHESIS.half_strip_px + inner, 0, reach)]
         .transpose(0, 2, 1, 3)
         .reshape(len(at), -1)
     )
@@ -174,10 +170,12 @@ def _exemplar_windows(columns: Int64Array, seen: BoolArray) -> tuple[Int64Array,
         for b in range(seen.shape[0])
         for c in range(seen.shape[1])
         if seen[b, c]
-        for x in range(columns[c] + HALF_STRIP_PX, columns[c + 1] - HALF_STRIP_PX + 1, HALF_STRIP_PX)
+        for x in range(
+            columns[c] + SYNTHESIS.half_strip_px, columns[c + 1] - SYNTHESIS.half_strip_px + 1, SYNTHESIS.half_strip_px
+        )
     ]
-    edges = edges[:: max(1, -(-len(edges) // (MAX_WINDOWS // 2)))]
-    wanted = MAX_WINDOWS - len(edges)
+    edges = edges[:: max(1, -(-len(edges) // (SYNTHESIS.max_windows // 2)))]
+    wanted = SYNTHESIS.max_windows - len(edges)
     both = np.array(edges + free[:: max(1, -(-len(free) // wanted))] or [(0, columns[-1] // 2)])
     return both[:, 0], both[:, 1]
 

@@ -7,17 +7,8 @@ import numpy as np
 
 from facade_core.core.arrays import Float64Array, UInt8Array
 from facade_core.core.labels import FacadeClass
+from facade_core.facade.texture.settings import TINT
 
-# Deviations of the paint between buildings of one colour: logarithm of its light, and of each band.
-_SHADE_DEVIATION = 0.035
-_HUE_DEVIATION = 0.010
-# Deviations of the light of panes, in logarithms: of each window, and from its top to its foot.
-_PANE_DEVIATION = 0.05
-_PANE_SLOPE_DEVIATION = 0.08
-# Share of windows with a lamp or a warm curtain.
-_LAMP_PROBABILITY = 0.05
-# Grey level from which a pixel of a window is a frame.
-_MIN_FRAME_LIGHT = 205
 _LAMP_GAIN = np.array([1.08, 1.02, 0.91], np.float32)
 
 
@@ -36,8 +27,8 @@ def tint_facade(
     """
     shade = np.random.default_rng(building_seed)
     gain = np.exp(
-        _SHADE_DEVIATION * np.clip(shade.standard_normal(), -2, 2)
-        + _HUE_DEVIATION * np.clip(shade.standard_normal(3), -2, 2)
+        TINT.shade_deviation * np.clip(shade.standard_normal(), -2, 2)
+        + TINT.hue_deviation * np.clip(shade.standard_normal(3), -2, 2)
     )
     walled = np.isin(
         labels,
@@ -53,13 +44,13 @@ def tint_facade(
     )
     for x, y, width, height, _ in boxes[1:count].tolist():
         pane = np.exp(
-            _PANE_DEVIATION * rng.standard_normal()
-            + _PANE_SLOPE_DEVIATION * rng.standard_normal() * np.linspace(-0.5, 0.5, height)
+            TINT.pane_deviation * rng.standard_normal()
+            + TINT.pane_slope_deviation * rng.standard_normal() * np.linspace(-0.5, 0.5, height)
         )
-        warm = _LAMP_GAIN if rng.random() < _LAMP_PROBABILITY else np.ones(3, np.float32)
+        warm = _LAMP_GAIN if rng.random() < TINT.lamp_probability else np.ones(3, np.float32)
         at = np.s_[y : y + height, x : x + width]
         # Frames keep their colour; pixels brighter than any interior count as frames.
-        own = ((labels[at] == FacadeClass.WINDOW) & (image[at].min(axis=-1) < _MIN_FRAME_LIGHT))[..., None]
+        own = ((labels[at] == FacadeClass.WINDOW) & (image[at].min(axis=-1) < TINT.min_frame_light))[..., None]
         light[at] = np.where(own, light[at] * pane.astype(np.float32)[:, None, None] * warm, light[at])
     tinted: UInt8Array = np.clip(np.rint(image * light), 0, 255).astype(np.uint8)
     return tinted

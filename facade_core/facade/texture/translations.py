@@ -7,13 +7,7 @@ import numpy as np
 from scipy import fft
 
 from facade_core.core.arrays import AnyArray, BoolArray, Float32Array, Int64Array
-
-_MIN_SHIFT_PX = 6  # of the working image; shorter translations copy an element onto itself
-_MIN_OVERLAP_SHARE = 0.04  # of the image that both ends of a translation show
-_AXIS_TOLERANCE_PX = 3  # of a vertical or horizontal translation
-# Most oblique and most axial translations.
-_MAX_OBLIQUE = 10
-_MAX_AXIAL = 24
+from facade_core.facade.texture.settings import INPAINTING
 
 
 def find_repeat_translations(grey: Float32Array, known: BoolArray) -> Int64Array:
@@ -33,12 +27,12 @@ def find_repeat_translations(grey: Float32Array, known: BoolArray) -> Int64Array
     height, width = known.shape
     score = _trusted_correlation(grey, known, grey, known)
     dy, dx = np.mgrid[-height + 1 : height, -width + 1 : width]
-    score[(np.abs(dy) < _MIN_SHIFT_PX) & (np.abs(dx) < _MIN_SHIFT_PX)] = -1.0
-    level, steep = np.abs(dy) <= _AXIS_TOLERANCE_PX, np.abs(dx) <= _AXIS_TOLERANCE_PX
-    kinds = ((level, _MAX_AXIAL), (steep, _MAX_AXIAL), (~level & ~steep, _MAX_OBLIQUE))
+    score[(np.abs(dy) < INPAINTING.min_shift_px) & (np.abs(dx) < INPAINTING.min_shift_px)] = -1.0
+    level, steep = np.abs(dy) <= INPAINTING.axis_tolerance_px, np.abs(dx) <= INPAINTING.axis_tolerance_px
+    kinds = ((level, INPAINTING.max_axial), (steep, INPAINTING.max_axial), (~level & ~steep, INPAINTING.max_oblique))
     ahead = np.concatenate([_find_peaks(np.where(kind, score, -1.0), count) for kind, count in kinds])
     mirror = _trusted_correlation(grey, known, grey[:, ::-1], known[:, ::-1])
-    axes = _find_peaks(np.where(level, mirror, -1.0), _MAX_OBLIQUE)
+    axes = _find_peaks(np.where(level, mirror, -1.0), INPAINTING.max_oblique)
     axes[:, 1] = width - 1 - axes[:, 1]
     found = [np.column_stack([at, np.full(len(at), kind)]) for kind, at in enumerate((ahead, axes))]
     return np.unique(np.concatenate(found), axis=0)
@@ -50,7 +44,7 @@ def _trusted_correlation(a: Float32Array, known_a: BoolArray, b: Float32Array, k
     score, seen = correlate_masked(a, known_a, b, known_b)
     # A long translation has a small overlap, which is more likely to fit by chance.
     trust = np.clip(seen / (0.25 * height * width), 0, 1) ** 0.25
-    return np.where(seen > _MIN_OVERLAP_SHARE * height * width, score * trust, -1.0)
+    return np.where(seen > INPAINTING.min_overlap_share * height * width, score * trust, -1.0)
 
 
 def correlate_masked(

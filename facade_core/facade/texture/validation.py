@@ -6,12 +6,10 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.errors import ImageError
-
-# Smallest side of a usable facade image.
-MIN_SIDE_PX = 16
+from facade_core.facade.texture.settings import PICTURES
 
 
-def check_exemplar_image(image: UInt8Array, *, min_side: int = MIN_SIDE_PX) -> None:
+def check_exemplar_image(image: UInt8Array, *, min_side: int = PICTURES.min_side_px) -> None:
     """Raise ImageError unless image is uint8 RGB (H, W, 3) of at least `min_side` px a side."""
     if not isinstance(image, np.ndarray) or image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
         found = f"{getattr(image, 'dtype', type(image).__name__)} {getattr(image, 'shape', '')}"

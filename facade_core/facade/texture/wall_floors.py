@@ -12,30 +12,8 @@ from shapely.geometry.base import BaseGeometry
 from facade_core.core.arrays import Float64Array
 from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.retargeting import ExemplarAnalysis, choose_exemplar_floors, lattice_rows
+from facade_core.facade.texture.settings import FLOORS
 from facade_core.geometry.settings import FACADE_WALLS
-
-# Smallest height of a partial floor at a wall's foot or top, metres; lower rests join the neighbouring floor.
-MIN_FLOOR_M = 2.5
-# The same at the top of a wall that ends above or below the eaves, if its windows stay whole.
-MIN_CUT_FLOOR_M = 1.8
-# Smallest height of wall above the windows of such a floor, metres, and below them as a share of the exemplar's.
-MIN_LINTEL_M = 0.15
-MIN_SILL_SHARE = 0.8
-# Largest distance of a wall's top from the eaves, metres, at which it shows the exemplar's crown.
-EAVES_TOLERANCE_M = 0.3
-# Largest distance from its top, metres, at which a wall begins to be free of neighbours along all its width.
-LEVEL_TOP_M = 0.3
-# Largest height of bare wall below the highest windows of such a wall with a cornice, metres.
-MAX_CROWNED_REST_M = 0.5
-# Largest stretch of a floor over the exemplar's; beyond it the rest is bare wall.
-MAX_FLOOR_STRETCH = 1.12
-# Greatest height of a ground floor, metres.
-MAX_GROUND_FLOOR_M = 6.0
-# Largest share of a floor that its windows take, unless they would lose more of their height than MAX_WINDOW_LOSS.
-MAX_WINDOW_SHARE = 0.75
-MAX_WINDOW_LOSS = 0.1
-# Smallest share of a floor above and below its windows.
-MIN_SPANDREL_SHARE = 0.06
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,8 +124,8 @@ def stack_floors(
     pitch, top = float(np.clip(wall.eaves / len(own), *FACADE_WALLS.floor_height_m)), wall.foot + wall.height
     beyond = np.arange(1, 2 + int((abs(wall.foot) + top) / pitch)) * pitch
     every = np.concatenate([-beyond[::-1], lines, wall.eaves + beyond])
-    inner = every[(every > wall.foot + MIN_FLOOR_M) & (every < top - MIN_CUT_FLOOR_M)]
-    at_eaves = abs(top - wall.eaves) < EAVES_TOLERANCE_M
+    inner = every[(every > wall.foot + FLOORS.min_floor_m) & (every < top - FLOORS.min_cut_floor_m)]
+    at_eaves = abs(top - wall.eaves) < FLOORS.eaves_tolerance_m
     has_ground_floor = (
         (wall.on_street or wall.is_corner) and not wall.is_raised and (own[-1] < 0 or kinds[own[-1]] == "ground")
     )
@@ -159,7 +137,7 @@ def stack_floors(
         kind = "ground" if floor < 0 else kinds[floor]
         return plain if kind == "ground" or (kind == "roof" and not at_eaves) else floor
 
-    if len(inner) and top - inner[-1] < MIN_FLOOR_M:
+    if len(inner) and top - inner[-1] < FLOORS.min_floor_m:
         shown = choose_floor(inner[-1], top) if wall.on_street else plain
         cut = _cut_bands(style, shown, top - inner[-1], scale)
         inner = inner[: None if cut and not at_eaves else -1]
@@ -176,7 +154,7 @@ def stack_floors(
         if not wall.on_street and not crowned and kind == "middle":
             floor = plain
         natural = scale * float(grid[lattice_rows(style, floor).stop] - grid[lattice_rows(style, floor).start])
-        bare = high - low - natural if high - low > MAX_FLOOR_STRETCH * natural else 0.0
+        bare = high - low - natural if high - low > FLOORS.max_floor_stretch * natural else 0.0
         # The bare wall is above doors and shops, and below a crown.
         above = bare if is_ground or (highest and not crowned) else 0.0
         bands = _band_heights(style, floor, high - low - bare, scale)
@@ -193,8 +171,8 @@ def _ends_in_cornice(style: ExemplarAnalysis, wall: FacadeWall, height: float, s
     """
     rows, grid = lattice_rows(style, 0), style.grid.rows
     natural = scale * (grid[rows.stop] - grid[rows.start])
-    fits = MIN_FLOOR_M <= height <= max(MAX_FLOOR_STRETCH * natural, natural + MAX_CROWNED_REST_M)
-    is_level = wall.free.buffer(LEVEL_TOP_M).covers(shapely.LineString([(0, 0), (wall.width, 0)]))
+    fits = FLOORS.min_floor_m <= height <= max(FLOORS.max_floor_stretch * natural, natural + FLOORS.max_crowned_rest_m)
+    is_level = wall.free.buffer(FLOORS.level_top_m).covers(shapely.LineString([(0, 0), (wall.width, 0)]))
     return wall.on_street and fits and is_level and style.structure.kinds[0] == "middle"
 
 
@@ -206,7 +184,7 @@ def limit_floor_count(floors: int, height: float) -> int:
     floors : stated number.
     height : height of all of them, metres.
     """
-    least = math.ceil((height - MAX_GROUND_FLOOR_M) / FACADE_WALLS.floor_height_m[1] - 1e-6) + 1
+    least = math.ceil((height - FLOORS.max_ground_floor_m) / FACADE_WALLS.floor_height_m[1] - 1e-6) + 1
     most = math.floor(height / FACADE_WALLS.floor_height_m[0] + 1e-6)
     return max(1, min(max(floors, least), most))
 
@@ -215,7 +193,7 @@ def _split_high_floors(borders: Float64Array, has_ground_floor: bool) -> Float64
     """Split the floors between borders (n,) that are too high and have room for two."""
     low, high = FACADE_WALLS.floor_height_m
     most = np.full(len(borders) - 1, max(high, 2 * low))
-    most[0] = MAX_GROUND_FLOOR_M if has_ground_floor else most[0]
+    most[0] = FLOORS.max_ground_floor_m if has_ground_floor else most[0]
     split = np.flatnonzero(np.diff(borders) > most + 1e-6)
     return np.insert(borders, split + 1, (borders[split] + borders[split + 1]) / 2)
 
@@ -260,8 +238,8 @@ def _band_heights(style: ExemplarAnalysis, floor: int, height: float, scale: flo
     if len(sizes) < 3:
         return tuple((sizes * (height / sizes.sum())).tolist())
     above, window, below = sizes.tolist()
-    most = max(MAX_WINDOW_SHARE * height, (1 - MAX_WINDOW_LOSS) * window)
-    window = min(window, most, (1 - 2 * MIN_SPANDREL_SHARE) * height)
+    most = max(FLOORS.max_window_share * height, (1 - FLOORS.max_window_loss) * window)
+    window = min(window, most, (1 - 2 * FLOORS.min_spandrel_share) * height)
     return (height - window) * above / (above + below), window, (height - window) * below / (above + below)
 
 
@@ -272,8 +250,8 @@ def _cut_bands(style: ExemplarAnalysis, floor: int, height: float, scale: float)
     if len(sizes) < 3:
         return ()
     _, window, below = sizes.tolist()
-    sill = min(below, height - window - MIN_LINTEL_M)
-    return (height - window - sill, window, sill) if sill >= MIN_SILL_SHARE * below else ()
+    sill = min(below, height - window - FLOORS.min_lintel_m)
+    return (height - window - sill, window, sill) if sill >= FLOORS.min_sill_share * below else ()
 
 
 def shows_ground_floor(style: ExemplarAnalysis, wall_floor: WallFloor) -> bool:

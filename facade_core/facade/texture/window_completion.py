@@ -9,30 +9,10 @@ import numpy as np
 from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.types import Element
 from facade_core.facade.layout.grids import group_by_size
+from facade_core.facade.texture.settings import COMPLETION
 
 # Labels whose elements are completed from one source.
 COMPLETED_LABELS = ("window", "balcony")
-# Largest difference of equal sides, as a share and in pixels.
-MAX_SIDE_DIFFERENCE = 0.15
-MAX_SIDE_DIFFERENCE_PX = 3
-# Largest shift of a copy to fit, pixels.
-MAX_REFINEMENT_PX = 3
-# Penalty for each pixel of that shift, as a share of the remaining difference.
-SHIFT_PENALTY = 0.05
-# Largest distance of an element from its row or column, as a share of its side.
-ALIGNED_SHARE = 0.35
-# Factor of the difference to an element of another row, which has another head and sill.
-OTHER_ROW_FACTOR = 1.5
-# Frame and sill around an element, as a share of its side.
-FRAME_SHARE = 0.12
-# Pixels over which a copy fades at its edges.
-FADE_PX = 3
-# Largest difference of a source, relative to the typical difference between visible elements.
-MAX_DIFFERENCE_RATIO = 4.0
-# Weight of inpainted pixels against visible ones in a comparison.
-INPAINTED_WEIGHT = 0.3
-# Step between compared pixels.
-SAMPLE_STEP_PX = 2
 
 _Box = tuple[int, int, int, int]
 
@@ -64,7 +44,7 @@ def complete_windows(image: UInt8Array, mask: BoolArray, elements: Sequence[Elem
         usual = _typical_difference(image, seen)
         for box in (_align_box(box, seen) for box, cut in zip(boxes, hidden, strict=True) if cut):
             found = _find_source(image, mask, box, seen)
-            if found is None or found[0] > MAX_DIFFERENCE_RATIO * usual:
+            if found is None or found[0] > COMPLETION.max_difference_ratio * usual:
                 continue
             fitted = _refine_shift(image, mask, box, found[1], found[2])
             if fitted is not None:
@@ -74,7 +54,7 @@ def complete_windows(image: UInt8Array, mask: BoolArray, elements: Sequence[Elem
 
 def _framed_box(element: Element, shape: tuple[int, ...]) -> _Box:
     """Return x0, y0, x1, y1 of an element with its frame, within the image."""
-    x, y = FRAME_SHARE * element.width, FRAME_SHARE * element.height
+    x, y = COMPLETION.frame_share * element.width, COMPLETION.frame_share * element.height
     x0, y0 = max(0, round(element.x0 - x)), max(0, round(element.y0 - y))
     return x0, y0, max(x0 + 1, min(shape[1], round(element.x1 + x))), max(y0 + 1, min(shape[0], round(element.y1 + y)))
 
@@ -85,7 +65,7 @@ def _align_box(box: _Box, seen: list[_Box]) -> _Box:
     for low, high in ((0, 2), (1, 3)):
         middles = np.array([(other[low] + other[high]) / 2 for other in seen])
         offset = middles - (box[low] + box[high]) / 2
-        near = offset[np.abs(offset) < ALIGNED_SHARE * (box[high] - box[low])]
+        near = offset[np.abs(offset) < COMPLETION.aligned_share * (box[high] - box[low])]
         step = round(float(np.median(near))) if len(near) else 0
         if box[low] + step >= 0:
             moved[low], moved[high] = box[low] + step, box[high] + step
@@ -110,12 +90,13 @@ def _find_source(image: UInt8Array, mask: BoolArray, box: _Box, seen: list[_Box]
     best: tuple[float, int, int] | None = None
     for u0, v0, u1, v1 in seen:
         if (
-            np.abs([u1 - u0, v1 - v0] - sides) <= np.maximum(MAX_SIDE_DIFFERENCE_PX, MAX_SIDE_DIFFERENCE * sides)
+            np.abs([u1 - u0, v1 - v0] - sides)
+            <= np.maximum(COMPLETION.max_side_difference_px, COMPLETION.max_side_difference * sides)
         ).all():
             right, down = (u0 + u1 - x0 - x1) // 2, (v0 + v1 - y0 - y1) // 2
             difference = _shift_difference(image, mask, box, right, down)
-            if difference is not None and abs(down) > ALIGNED_SHARE * sides[1]:
-                difference *= OTHER_ROW_FACTOR
+            if difference is not None and abs(down) > COMPLETION.aligned_share * sides[1]:
+                difference *= COMPLETION.other_row_factor
             if difference is not None and (best is None or difference < best[0]):
                 best = difference, right, down
     return best
@@ -124,11 +105,13 @@ def _find_source(image: UInt8Array, mask: BoolArray, box: _Box, seen: list[_Box]
 def _refine_shift(image: UInt8Array, mask: BoolArray, box: _Box, right: int, down: int) -> tuple[int, int] | None:
     """Refine an offset to the least difference, with a small penalty on the change."""
     candidates = []
-    for y in range(-MAX_REFINEMENT_PX, MAX_REFINEMENT_PX + 1):
-        for x in range(-MAX_REFINEMENT_PX, MAX_REFINEMENT_PX + 1):
+    for y in range(-COMPLETION.max_refinement_px, COMPLETION.max_refinement_px + 1):
+        for x in range(-COMPLETION.max_refinement_px, COMPLETION.max_refinement_px + 1):
             difference = _shift_difference(image, mask, box, right + x, down + y)
             if difference is not None:
-                candidates.append((difference * (1 + SHIFT_PENALTY * (abs(x) + abs(y))), (right + x, down + y)))
+                candidates.append(
+                    (difference * (1 + COMPLETION.shift_penalty * (abs(x) + abs(y))), (right + x, down + y))
+                )
     return min(candidates)[1] if candidates else None
 
 
@@ -139,9 +122,15 @@ def _shift_difference(image: UInt8Array, mask: BoolArray, box: _Box, right: int,
         return None
     if x1 > image.shape[1] or y1 > image.shape[0] or mask[y0 + down : y1 + down, x0 + right : x1 + right].any():
         return None
-    own = image[y0:y1:SAMPLE_STEP_PX, x0:x1:SAMPLE_STEP_PX].astype(np.int16)
-    other = image[y0 + down : y1 + down : SAMPLE_STEP_PX, x0 + right : x1 + right : SAMPLE_STEP_PX]
-    weight = np.where(mask[y0:y1:SAMPLE_STEP_PX, x0:x1:SAMPLE_STEP_PX], np.float32(INPAINTED_WEIGHT), np.float32(1))
+    own = image[y0 : y1 : COMPLETION.sample_step_px, x0 : x1 : COMPLETION.sample_step_px].astype(np.int16)
+    other = image[
+        y0 + down : y1 + down : COMPLETION.sample_step_px, x0 + right : x1 + right : COMPLETION.sample_step_px
+    ]
+    weight = np.where(
+        mask[y0 : y1 : COMPLETION.sample_step_px, x0 : x1 : COMPLETION.sample_step_px],
+        np.float32(COMPLETION.inpainted_weight),
+        np.float32(1),
+    )
     return float(np.average(np.abs(own - other).mean(axis=2), weights=weight))
 
 
@@ -149,7 +138,7 @@ def _copy_source(mask: BoolArray, image: UInt8Array, result: UInt8Array, box: _B
     """Copy the shifted picture into the hidden pixels of a box of the result; it fades at the box's edges."""
     x0, y0, x1, y1 = box
     across, along = (np.minimum(np.arange(n) + 1, n - np.arange(n)) for n in (x1 - x0, y1 - y0))
-    share = np.clip(np.minimum(across[None], along[:, None]) / (FADE_PX + 1), 0, 1)[..., None]
+    share = np.clip(np.minimum(across[None], along[:, None]) / (COMPLETION.fade_px + 1), 0, 1)[..., None]
     new = image[y0 + down : y1 + down, x0 + right : x1 + right]
     mixed = np.rint(share * new + (1 - share) * result[y0:y1, x0:x1]).astype(np.uint8)
     result[y0:y1, x0:x1] = np.where(mask[y0:y1, x0:x1, None], mixed, result[y0:y1, x0:x1])

@@ -11,8 +11,9 @@ from scipy import ndimage
 from benchmarks.painter.facade import paint_facade
 from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.building_walls import compose_wall
-from facade_core.facade.texture.ground_units import ELEMENT_STRETCH, arrange_units, find_ground_units
+from facade_core.facade.texture.ground_units import arrange_units, find_ground_units
 from facade_core.facade.texture.retargeting import ExemplarAnalysis, analyse_exemplar
+from facade_core.facade.texture.settings import GROUND_FLOOR
 from facade_core.facade.texture.wall_floors import FacadeWall
 
 MPP = 0.08
@@ -37,7 +38,11 @@ def test_no_shop_and_no_door_is_cut(style: ExemplarAnalysis, width: float) -> No
         shown = widths(labels, label)
         assert shown or width < 11, "a wall as narrow as the shop has no door"
         for one in shown:
-            assert ELEMENT_STRETCH[0] * 0.97 - MPP < one / natural < ELEMENT_STRETCH[1] * 1.03 + MPP
+            assert (
+                GROUND_FLOOR.element_stretch[0] * 0.97 - MPP
+                < one / natural
+                < GROUND_FLOOR.element_stretch[1] * 1.03 + MPP
+            )
 
 
 def test_a_wall_on_which_no_unit_fits_is_left_to_its_bays(style: ExemplarAnalysis) -> None:

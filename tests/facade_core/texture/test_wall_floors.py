@@ -13,13 +13,8 @@ from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.building_walls import compose_wall
 from facade_core.facade.texture.retargeting import ExemplarAnalysis, analyse_exemplar, fit_sizes_to_total
 from facade_core.facade.texture.roof_removal import cut_off_roof
+from facade_core.facade.texture.settings import FLOORS
 from facade_core.facade.texture.wall_floors import (
-    MAX_FLOOR_STRETCH,
-    MAX_GROUND_FLOOR_M,
-    MIN_CUT_FLOOR_M,
-    MIN_FLOOR_M,
-    MIN_LINTEL_M,
-    MIN_SILL_SHARE,
     FacadeWall,
     lattice_rows,
     limit_floor_count,
@@ -63,7 +58,7 @@ def test_floors_are_within_limits_and_not_stretched(style: ExemplarAnalysis) -> 
                 for one in stack:
                     rows = lattice_rows(style, one.exemplar_floor)
                     natural = scale * (pixel_rows[rows.stop] - pixel_rows[rows.start])
-                    assert sum(one.heights) <= MAX_FLOOR_STRETCH * natural + 1e-6
+                    assert sum(one.heights) <= FLOORS.max_floor_stretch * natural + 1e-6
                 for one in stack[1:-1]:
                     assert (
                         FACADE_WALLS.floor_height_m[0] - 1e-6
@@ -71,9 +66,12 @@ def test_floors_are_within_limits_and_not_stretched(style: ExemplarAnalysis) -> 
                         <= FACADE_WALLS.floor_height_m[1] + 1e-6
                     )
                 for one in (stack[0], stack[-1]):  # they may join a rest that is too low for a floor
-                    least = MIN_CUT_FLOOR_M if one is stack[0] else MIN_FLOOR_M
+                    least = FLOORS.min_cut_floor_m if one is stack[0] else FLOORS.min_floor_m
                     assert sum(one.all_heights) >= min(height, least) - 1e-6
-                    assert sum(one.all_heights) <= max(MAX_GROUND_FLOOR_M, 2 * FACADE_WALLS.floor_height_m[0]) + 1e-6
+                    assert (
+                        sum(one.all_heights)
+                        <= max(FLOORS.max_ground_floor_m, 2 * FACADE_WALLS.floor_height_m[0]) + 1e-6
+                    )
                     assert not (one.plinth and shows_ground_floor(style, one)), "doors are at the foot"
 
 
@@ -88,13 +86,13 @@ def test_a_low_floor_at_the_top_of_a_lower_wall_keeps_its_windows_whole(on_stree
         (top, *_), scale = stack_floors(style, wall, MPP)
         rows = lattice_rows(style, top.exemplar_floor)
         above, window, below = scale * np.diff(pixel_rows[rows.start : rows.stop + 1])
-        if sum(top.all_heights) < min(MIN_FLOOR_M, above + window + below):
-            assert top.heights[0] >= MIN_LINTEL_M - 1e-6
+        if sum(top.all_heights) < min(FLOORS.min_floor_m, above + window + below):
+            assert top.heights[0] >= FLOORS.min_lintel_m - 1e-6
             assert top.heights[1] == pytest.approx(window)
-            assert MIN_SILL_SHARE * below - 1e-6 <= top.heights[2] <= below + 1e-6
+            assert FLOORS.min_sill_share * below - 1e-6 <= top.heights[2] <= below + 1e-6
             lowest.append(sum(top.all_heights))
     assert lowest
-    assert min(lowest) >= MIN_CUT_FLOOR_M - 1e-6
+    assert min(lowest) >= FLOORS.min_cut_floor_m - 1e-6
 
 
 def test_a_lower_wall_ends_in_the_cornice_unless_it_is_a_gable() -> None:
