@@ -13,7 +13,7 @@ endif
 # Of the tests without whole runs, those that take most of the time; a change there runs its own
 SLOW := catalogs/block facade_core/layout facade_core/parse facade_core/rectify facade_core/street facade_core/test_facade.py facade_core/texture test_tutorials.py
 
-.PHONY: demo test test-long test-data quick setup train-setup detect-setup ktx2-setup usd-setup sfm-setup clients docs review check bench figures figures-night constraints clean
+.PHONY: demo test test-long test-data quick setup train-setup detect-setup ktx2-setup usd-setup sfm-setup clients docs review check bench figures figures-night constraints release clean
 
 demo: setup  ## Texture the embedded block: model and report in out/demo
 	$(BIN)/streetloom demo $(DEMO_FLAGS)
@@ -134,6 +134,16 @@ constraints: setup  ## Pin the requirements of pyproject.toml again
 		--no-emit-index-url --no-annotate --no-header --upgrade -o deploy/constraints/review.txt
 	echo "uv" | $(BIN)/uv pip compile - --universal --python-version 3.11 --generate-hashes \
 		--no-emit-index-url --no-annotate --no-header --upgrade -o deploy/constraints/installer.txt
+
+OLD = $(shell sed -n 's/^version = "\(.*\)"/\1/p' pyproject.toml)
+release: check  ## Set a version wherever it is stated, head the changelog with it, commit and tag: make release VERSION=0.2.0
+	@test -n "$(VERSION)" || { echo "Name the version: make release VERSION=0.2.0"; exit 1; }
+	@git diff --quiet HEAD || { echo "Commit or stash your changes first"; exit 1; }
+	git grep -lF "$(OLD)" -- pyproject.toml training/pyproject.toml CITATION.cff tasks/engine/stage_code.py deploy/Dockerfile deploy/compose.yaml deploy/kubernetes \
+		| xargs sed -i -E 's/^(version = "|version: |VERSION = ")$(subst .,\.,$(OLD))/\1$(VERSION)/; s/(streetloom:|streetloom\[train\]==)$(subst .,\.,$(OLD))/\1$(VERSION)/'
+	sed -i 's/^## Unreleased/## $(VERSION) ($(shell date +%F))/' CHANGELOG.md
+	git commit -qam "release: $(VERSION)"
+	git tag -a "v$(VERSION)" -m "Streetloom $(VERSION)"
 
 clean:
 	rm -rf .venv out

@@ -15,6 +15,7 @@ import yaml
 from deploy.certificates import settings
 from facade_core.export.models.page_packing import MAX_PAGE_TEXELS
 from tasks.engine.compute.scheduler_view import UNITS_SHARE
+from tasks.engine.stage_code import VERSION
 from tasks.stages.pages.stage import page_memory
 from tasks.stages.shared import memory
 from tasks.stages.shared.images import MAX_EXEMPLAR_SIDE, MAX_PIXELS
@@ -24,7 +25,7 @@ from tests.pipeline.runs import ROOT
 DEPLOY = ROOT / "deploy"
 COMPOSE = yaml.safe_load((DEPLOY / "compose.yaml").read_text())
 KUBERNETES = sorted((DEPLOY / "kubernetes").glob("*.yaml"))
-IMAGE = "streetloom:0.1.0"
+IMAGE = f"streetloom:{VERSION}"
 
 
 def instructions() -> list[tuple[str, str]]:

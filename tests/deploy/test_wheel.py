@@ -13,6 +13,8 @@ from pathlib import Path
 
 import pytest
 
+from tasks.engine.stage_code import VERSION
+
 ROOT = Path(__file__).parents[2]
 
 
@@ -91,7 +93,7 @@ def test_it_runs_outside_a_clone_as_the_same_code(installed: Path) -> None:
         [sys.executable, "-m", "flows", "--version"], cwd=ROOT, capture_output=True, text=True, check=True
     )
     assert told.stdout == here.stdout
-    assert told.stdout.startswith("streetloom 0.1.0+")
+    assert told.stdout.startswith(f"streetloom {VERSION}+")
     checked = run(installed, "-m", "flows", "doctor")
     assert checked.returncode == 0, checked.stdout + checked.stderr
     assert "models" in checked.stdout

@@ -16,6 +16,7 @@ from distributed.security import Security
 from facade_core.core.errors import InputError
 from tasks.engine.compute.connect import connect, require_scheduler
 from tasks.engine.compute.timeouts import Timeouts
+from tasks.engine.stage_code import VERSION
 from tests.pipeline.runs import ROOT
 
 pytestmark = pytest.mark.long
@@ -57,7 +58,7 @@ def test_a_worker_of_another_make_is_left_out_from_the_start(tmp_path: Path, cap
     assert stranger.pid not in ran
     (said,) = [record.getMessage() for record in caplog.records if "it is not used" in record.getMessage()]
     assert "worker stranger at" in said
-    assert "has Streetloom another and this run 0.1.0+" in said
+    assert f"has Streetloom another and this run {VERSION}+" in said
 
 
 @pytest.fixture
