@@ -118,31 +118,38 @@ def build_block_ground(
         seen[feature.id] += 1
         id = feature.id if seen[feature.id] == 1 else f"{feature.id}-{seen[feature.id]}"
         tags = feature.tags
-        if (
-            geometry is None
-            or geometry.is_empty
-            or _is_hidden(tags)
-            or not np.isfinite(shapely.get_coordinates(geometry)).all()
-        ):
+        if geometry is None or _is_hidden(tags) or not _is_usable(geometry):
             continue
         if geometry.geom_type == "Point":
             if tags.get("highway") == "crossing" and _is_marked(tags) and around.contains(geometry):
                 nodes.append((id, geometry))
         elif (surface := ground_surface_class(geometry, tags)) is not None:
-            outlined = geometry if "Polygon" in geometry.geom_type else shapely.Polygon(geometry.coords)
-            inside = shapely.intersection(shapely.make_valid(outlined), around)
-            parts = [part for part in shapely.get_parts(inside) if part.geom_type == "Polygon" and part.area > 0]
-            if parts:
-                areas.append(GroundArea(id, shapely.multipolygons(parts), surface))
+            areas += _clipped_areas(id, geometry, surface, around)
         elif "LineString" in geometry.geom_type and tags.get("area") != "yes":
-            for line in shapely.get_parts(shapely.intersection(geometry, around)):
-                if line.geom_type == "LineString" and line.length > 0:
-                    ways += ways_from_tags(id, line, tags)
-                    street[id] = f"{tags.get('highway')} {tags.get('name', id)}"
+            for line in _parts_within(geometry, around, "LineString"):
+                ways += ways_from_tags(id, line, tags)
+                street[id] = f"{tags.get('highway')} {tags.get('name', id)}"
     ways = _equalise_widths(ways, street)
     roads = [way for way in ways if way.kind == "road"]
     ways += [crossing for id, node in nodes if (crossing := _node_crossing(id, node, roads)) is not None]
     return MappedGround(tuple(ways), tuple(areas), outline)
+
+
+def _is_usable(geometry: BaseGeometry) -> bool:
+    return not geometry.is_empty and bool(np.isfinite(shapely.get_coordinates(geometry)).all())
+
+
+def _parts_within(geometry: BaseGeometry, around: Polygon, kind: str) -> list[BaseGeometry]:
+    """Return the parts of a geometry within a polygon that are of a type and have a length."""
+    parts = shapely.get_parts(shapely.intersection(geometry, around))
+    return [part for part in parts if part.geom_type == kind and part.length > 0]
+
+
+def _clipped_areas(id: str, geometry: BaseGeometry, surface: str, around: Polygon) -> list[GroundArea]:
+    """Return the area of an outline or a closed line within a polygon; none outside."""
+    outlined = geometry if "Polygon" in geometry.geom_type else shapely.Polygon(geometry.coords)
+    parts = [part for part in _parts_within(shapely.make_valid(outlined), around, "Polygon") if part.area > 0]
+    return [GroundArea(id, shapely.multipolygons(parts), surface)] if parts else []
 
 
 def ways_from_tags(id: str, line: LineString, tags: Mapping[str, str]) -> list[GroundWay]:

@@ -108,15 +108,11 @@ class CityIndex:
             tuple(self.front_streets[i] for i in (*own, *beyond)),
             tuple(self.shop_flags[i] for i in (*own, *beyond)),
         )
-        around = shapely.box(
-            *shapely.total_bounds([*(one.footprint for one in kept), *(one.line for one in lines)])
-        ).buffer(PART_GROUND_MARGIN_M, join_style="mitre")
-        near = shapely.union_all([one.footprint for one in mine]).buffer(MAX_PICTURE_DISTANCE_M)
-        pictured = np.sort(self._panoramas.query(near, predicate="covers"))
-        names = {name for one in mine for name in (one.id, safe_file_stem(one.id))}
-        beside = shapely.union_all([one.footprint for one in mine]).buffer(MAX_ENTRANCE_DISTANCE_M)
-        entrances = np.sort(self._entrances.query(beside, predicate="covers"))
-        photos = {facade for name in names for facade in self._photos.get(name, ())}
+        extent = shapely.total_bounds([*(one.footprint for one in kept), *(one.line for one in lines)])
+        around = shapely.box(*extent).buffer(PART_GROUND_MARGIN_M, join_style="mitre")
+        footprints = shapely.union_all([one.footprint for one in mine])
+        pictured = np.sort(self._panoramas.query(footprints.buffer(MAX_PICTURE_DISTANCE_M), predicate="covers"))
+        entrances = np.sort(self._entrances.query(footprints.buffer(MAX_ENTRANCE_DISTANCE_M), predicate="covers"))
         kept, textures = _select_textures(kept, block.textures)
         return replace(
             block,
@@ -125,13 +121,19 @@ class CityIndex:
             shops=None,
             entrances=tuple(block.entrances[i] for i in entrances.tolist()),
             ground=self._ground_around(around),
-            photos={facade: block.photos[facade] for facade in sorted(photos)},
+            photos=self._photos_of(mine),
             panoramas=tuple(block.panoramas[i] for i in pictured.tolist()),
             textures=textures,
             notes=(),
             faults=tuple(fault for fault in block.faults if fault.kind not in ("building", "street", "photo")),
             part=part,
         )
+
+    def _photos_of(self, buildings: Sequence[Building]) -> dict[str, Path]:
+        """Return the photos of the facades of some buildings, which file names may give by their stem."""
+        names = {name for one in buildings for name in (one.id, safe_file_stem(one.id))}
+        facades = {facade for name in names for facade in self._photos.get(name, ())}
+        return {facade: self.block.photos[facade] for facade in sorted(facades)}
 
     def _ground_around(self, around: shapely.Polygon) -> MappedGround:
         ground = self.block.ground

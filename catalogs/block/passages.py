@@ -113,21 +113,14 @@ def open_passages(
     for way in _passage_ways(streets, sources, crs):
         if isinstance(way.shape, LineString):
             by_size[_passage_size(way.id, way.shape, way.tags)].append(way)
-        elif any(
-            way.shape.intersection(buildings[index].footprint).area >= MIN_PASSAGE_AREA_M2
-            for index in tree.query(way.shape, predicate="intersects").tolist()
-        ):
+        elif _covers_building(way.shape, buildings, tree):
             reasons[AREA_REASON].append(way.id)
     corridors: dict[int, list[BuildingPassage]] = defaultdict(list)
     closed: set[int] = set()
     for size, ways in by_size.items():
         for whole in shapely.get_parts(shapely.line_merge(shapely.multilinestrings([way.shape for way in ways]))):
             members = [way for way in ways if shapely.covers(whole, way.shape)]
-            crossed = [
-                index
-                for index in sorted(tree.query(whole, predicate="intersects").tolist())
-                if whole.intersection(buildings[index].footprint).length >= MIN_CROSSING_M
-            ]
+            crossed = _crossed_buildings(whole, buildings, tree)
             if not crossed:
                 continue
             found = {index: _building_passages(whole, size, buildings[index]) for index in crossed}
@@ -145,6 +138,23 @@ def open_passages(
     )
     left = tuple(piece for index, piece in enumerate(streets.items) if index not in closed)
     return OpenedPassages(opened, replace(streets, items=left), reasons)
+
+
+def _covers_building(area: BaseGeometry, buildings: Sequence[Building], tree: shapely.STRtree) -> bool:
+    """Return whether an area lies on enough of a building to be a passage."""
+    return any(
+        area.intersection(buildings[index].footprint).area >= MIN_PASSAGE_AREA_M2
+        for index in tree.query(area, predicate="intersects").tolist()
+    )
+
+
+def _crossed_buildings(way: BaseGeometry, buildings: Sequence[Building], tree: shapely.STRtree) -> list[int]:
+    """Return the indices of the buildings that a way crosses."""
+    return [
+        index
+        for index in sorted(tree.query(way, predicate="intersects").tolist())
+        if way.intersection(buildings[index].footprint).length >= MIN_CROSSING_M
+    ]
 
 
 def passage_ids(sources: Sequence[CentrelinesAndGround]) -> frozenset[str]:

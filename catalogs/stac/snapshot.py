@@ -28,7 +28,7 @@ from catalogs.stac.assets import (
     tile_assets,
 )
 from catalogs.stac.collections import COLLECTION_KINDS, build_collection, format_counts
-from catalogs.stac.facts import STREET_STATES, BlockFacts, SnapshotFacts, StreetFacts
+from catalogs.stac.facts import STREET_STATES, BlockFacts, ModelFacts, SnapshotFacts, StreetFacts
 from catalogs.stac.items import (
     FacadeFootLine,
     ItemGeometry,
@@ -105,7 +105,7 @@ def write_stac(
             parents,
         )
 
-    for street in sorted(streets, key=lambda street: natural_sort_key(street.id)):
+    for street in sorted(streets, key=lambda one: natural_sort_key(one.id)):
         item = street_item(street, project_item_geometry(street.line, crs), block)
         writer.add_item("streets", hrefs[f"street/{street.id}"], item, [hrefs[f"block/{block.name}"]])
 
@@ -121,30 +121,40 @@ def write_stac(
         item.assets = {key: asset for key, asset in shared.items() if key == "report"}
         writer.add_item("runs", "runs/run.json", item)
     for model in facts.models:
-        name = safe_file_stem(model.id)
-        item = model_item(model, block)
-        if model.card is not None:
-            (folder / STAC_FOLDER / "models").mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(model.card, folder / STAC_FOLDER / "models" / f"{name}.md")
-            item.assets = {"card": model_card_asset(folder / STAC_FOLDER / "models", f"{name}.md")}
-        writer.add_item("models", f"models/{name}.json", item)
+        _add_model(writer, folder, model, block)
 
-    failed = sum(row["status"] == "failed" for row in facades)
-    words = {
-        "facades": format_counts(
-            {"done": len(facades) - failed, "failed": failed, "units set aside": len(rows) - len(facades)}
-        ),
-        "streets": format_counts({s: n for s, n in _count_states(streets).items() if n} or {"streets": 0}),
-        "blocks": format_counts(block.counts),
-        "runs": format_counts(
-            {"failed units": sum(counts.get("failed", 0) for counts in run.units.values()) if run else 0}
-        ),
-        "models": format_counts({"models": len(facts.models)}),
-    }
+    words = _collection_words(rows, facts)
     times = [row["updated"] for row in rows] + [block.updated]
     for kind in COLLECTION_KINDS:
         assets = shared | {"store": icechunk_store_asset("../../")} if kind in ("facades", "blocks") else {}
         writer.write_collection(kind, words[kind], times, assets)
+
+
+def _add_model(writer: _StacWriter, folder: Path, model: ModelFacts, block: BlockFacts) -> None:
+    """Add the Item of a model, with its card beside it."""
+    name = safe_file_stem(model.id)
+    item = model_item(model, block)
+    if model.card is not None:
+        (folder / STAC_FOLDER / "models").mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(model.card, folder / STAC_FOLDER / "models" / f"{name}.md")
+        item.assets = {"card": model_card_asset(folder / STAC_FOLDER / "models", f"{name}.md")}
+    writer.add_item("models", f"models/{name}.json", item)
+
+
+def _collection_words(rows: Sequence[ItemRow], facts: SnapshotFacts) -> dict[str, str]:
+    """Return what each Collection holds, in words."""
+    facades = [row for row in rows if row["kind"] == "facade"]
+    failed = sum(row["status"] == "failed" for row in facades)
+    done = {"done": len(facades) - failed, "failed": failed, "units set aside": len(rows) - len(facades)}
+    streets = {state: count for state, count in _count_states(facts.streets).items() if count}
+    units = facts.run.units.values() if facts.run else ()
+    return {
+        "facades": format_counts(done),
+        "streets": format_counts(streets or {"streets": 0}),
+        "blocks": format_counts(facts.block.counts),
+        "runs": format_counts({"failed units": sum(counts.get("failed", 0) for counts in units)}),
+        "models": format_counts({"models": len(facts.models)}),
+    }
 
 
 def required_collection_files(folder: F) -> list[tuple[str, F]]:
