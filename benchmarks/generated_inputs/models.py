@@ -212,6 +212,8 @@ def _write_obj(
     if y_up and draw.random() < 0.5:
         keys["up"] = "y"
     case.made["up"] = f"{'y' if y_up else 'z'}, key {keys.get('up', 'none')}"
+    if y_up and "up" not in keys:
+        case.sound = False  # boxes, whose faces show no axis
     group = draw.choice(("g", "o"))
     lines = ["# made"] if draw.random() < 0.5 else []
     count = 0
@@ -238,6 +240,8 @@ def _write_ply(draw: Random, case: Case, path: Path, solids: Sequence[Faces], ke
     mesh.export(path, encoding=draw.choice(("binary", "ascii")))
     case.forget(id=None)
     case.made["up"] = f"{'y' if y_up else 'z'}, key {keys.get('up', 'none')}"
+    if y_up and "up" not in keys:
+        case.sound = False  # boxes, whose faces show no axis
     return path
 
 

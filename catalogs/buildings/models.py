@@ -67,7 +67,7 @@ def project_models(
             yield (
                 model,
                 shell,
-                f"it stands at a height of {low:.6g} m; check its heights and buildings.offset, or remove it",
+                f"it stands at a height of {low:.6g} m; check its heights, buildings.up and buildings.offset, or remove it",
             )
             continue
         try:

@@ -340,7 +340,7 @@ class ModelReading:
     max_member_bytes: int = 256 * 2**20
     max_member_tags: int = 4_000_000
     min_unpack_limit_bytes: int = 32 * 2**20
-    max_unpack_ratio: int = 40
+    max_unpack_ratio: int = 50
     min_model_height_m: float = 0.01
     max_stated_height_m: float = 1500.0
     max_ground_height_m: float = 9000.0

@@ -14,6 +14,7 @@ DATA_FILES: Mapping[str, tuple[str, ...]] = {
         "catalogs/published/report_exemplars.html.j2",
         "catalogs/published/report_street.html.j2",
     ),
+    "catalogs.readers.vectors.column_names": ("catalogs/readers/vectors/column_names.toml",),
     "facade_core.facade.layout.model": (
         "facade_core/facade/layout/models/layouts.json",
         "facade_core/facade/layout/models/layout_network.json",

@@ -65,6 +65,7 @@ DISTRIBUTION_NAMES = {
     "cv2": "opencv-python-headless",
     "maxflow": "PyMaxflow",
     "open3d": "open3d-cpu",
+    "ruamel": "ruamel.yaml",
     "skimage": "scikit-image",
     "sklearn": "scikit-learn",
     "yaml": "pyyaml",

@@ -24,6 +24,7 @@ from facade_core.facade.texture.retargeting import analyse_exemplar
 from facade_core.facade.texture.wall_floors import FacadeWall
 from facade_core.facade.wall_material import lit_colour
 from facade_core.parsing.occluders import remove_occluders_lining_hole
+from facade_core.parsing.segmentation import Segmentation
 
 PAINTED = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.06, seed=2, occluders=2)
 
@@ -214,16 +215,16 @@ def test_columns_are_counted_in_the_fullest_row() -> None:
 
 def test_what_the_parser_sees_in_front_is_made_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     clean = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.06, seed=2)
-    true_parse = facade_core.facade.photo_facade.parse
+    true_parse = facade_core.facade.photo_facade.parse_segmentation
     thing = np.zeros(clean.labels.shape, bool)
     thing[150:200, 40:90] = True
     thing[5, 5] = True  # a speck is noise
 
-    def sees_a_thing(image: np.ndarray, model: None) -> Parsing:
-        found = true_parse(image)
+    def sees_a_thing(segmentation: Segmentation, hidden: np.ndarray) -> Parsing:
+        found = true_parse(segmentation, hidden)
         return Parsing(found.labels, found.confidence, found.occluded | thing)
 
-    monkeypatch.setattr(facade_core.facade.photo_facade, "parse", sees_a_thing)
+    monkeypatch.setattr(facade_core.facade.photo_facade, "parse_segmentation", sees_a_thing)
     made = build_facade_from_photo(Evidence(image=clean.image, hidden=np.zeros(clean.labels.shape, bool)))
     assert made.masked == ((40, 150, 90, 200),)
     assert made.occluded[149:201, 39:91].all()

@@ -35,19 +35,16 @@ def test_the_viewer_is_named_with_its_address_and_command(told: dict[str, tuple[
     assert f"`streetloom view '{tmp_path}/my run'`" in description
 
 
-@pytest.mark.parametrize("quality", [True, False])
-def test_facades_are_a_table_failed_ones_first(told: dict[str, tuple[Any, str]], tmp_path: Path, quality: bool) -> None:
-    """Also where an earlier version, which knew no quality, had published."""
-    columns: dict[str, list[Any]] = {
+def test_facades_are_a_table_failed_ones_first(told: dict[str, tuple[Any, str]], tmp_path: Path) -> None:
+    columns: dict[str, list[Any]] = dict.fromkeys(artifacts.FACADE_COLUMNS, [None] * 3) | {
         "id": ["f1", "f2", "w9"],
         "kind": ["facade", "facade", "building"],
         "status": ["done", "failed", "failed"],
         "reason": [None, "too dark", "no roof"],
         "floors": [4, 5, None],
+        "quality": ["good", None, None],
     }
-    pq.write_table(
-        pa.table(columns | ({"quality": ["good", None, None]} if quality else {})), tmp_path / "items.parquet"
-    )
+    pq.write_table(pa.table(columns), tmp_path / "items.parquet")
     run = SimpleNamespace(out=str(tmp_path), block="demo", store=tmp_path / "store")
     summary = {
         "facades_done": 1,
@@ -60,7 +57,7 @@ def test_facades_are_a_table_failed_ones_first(told: dict[str, tuple[Any, str]],
     artifacts.publish_outcome(cast(Any, run), summary)
     rows, description = told["demo-facades"]
     assert [(row["id"], row["status"]) for row in rows] == [("f2", "failed"), ("f1", "done")]
-    assert ("quality" in rows[0]) == quality
+    assert [row["quality"] for row in rows] == [None, "good"]
     assert description.startswith("2 facades, failed ones first")
     assert told["demo-failures"][0] == summary["failures"]
     assert "http://127.0.0.1:8710/" in told["demo-outputs"][0]

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 import yaml
 
-from catalogs.block.corrections import Correction, corrections_file, read_corrections
+from catalogs.block.corrections import corrections_file, read_corrections
 from catalogs.block.reader import read_block
 from catalogs.query.execution import query
 from facade_core.core.errors import InputError
@@ -103,14 +103,3 @@ def test_a_city_is_corrected_by_one_file_and_redone_where_that_touches_it(tmp_pa
         ("correction", "h2-0", "corrected, and not in the city as it is: kept and not used")
     ]
     assert {"h0", "h1", "h2-0"} == set(read_corrections(city).by_target)
-
-
-def test_corrections_beside_a_block_of_a_city_go_to_the_citys(tmp_path: Path) -> None:
-    city, folder = town(tmp_path), tmp_path / "out" / "input"
-    folder.mkdir(parents=True)
-    line = json.dumps({"id": "h0-0", "what": "facade", "value": False})
-    (folder / "x0y0.corrections.jsonl").write_text(line)
-    blocks = partition_city_file(city, tmp_path / "out").blocks
-    assert not list(folder.glob("*.jsonl"))
-    assert read_corrections(city).by_target["h0-0"]["facade"] == Correction("h0-0", "facade", False)
-    assert [set(read_block(one.file).corrections.by_target) for one in blocks] == [{"h0-0"}, set()]

@@ -70,7 +70,7 @@ def test_a_change_reaches_the_stages_that_import_it(codes: Codes, tmp_path: Path
         "facade_core/imagery/poses/refinement.py": {"poses"},
         "facade_core/imagery/poses/joint_refinement.py": {"bundles"},
         "facade_core/geometry/buildings/facets.py": {"ingest"},
-        "facade_core/facade/texture/genetic.py": facades,
+        "facade_core/facade/texture/genetic.py": {"facades"},
         "tasks/stages/shared/images.py": {"ingest", "poses", "bundles", "textures", "grounds", "walls", "surfaces"}
         | facades
         | streets,
