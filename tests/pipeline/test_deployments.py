@@ -257,7 +257,7 @@ def test_an_unusable_block_file_fails_the_run_at_once(site: Site, tmp_path: Path
     assert run.run_count == 1
     assert run.name.startswith("mine 20")
     message = run.state.message or ""
-    assert f"{block}: buildigs: unknown key" in message
+    assert f"{block}: line 2: buildigs: unknown key" in message
     assert len(message.splitlines()) == 1
 
 
