@@ -37,8 +37,8 @@ def format_block_file_page() -> str:
             "`${NAME}` in a path is replaced with the environment variable. An unknown key is an error: the message names the "
             "nearest known one.",
             _EXAMPLE,
-            "The last column says what a run does again once the value changes. Of files, and of keys that say how they are "
-            "read, what was read counts: another name or spelling changes nothing.",
+            "The last column says what a run does again once the value changes. Files, and keys that "
+            "say how they are read, count by the content that was read: another name or spelling changes nothing.",
             _format_table(block.values()),
             "## Keys of a city file",
             "`streetloom city CITY.yaml` takes the keys of a block file (`streets` is required, `part` and `imagery.style` are "

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from benchmarks.papers.completion import Method, cleared, rows_of
+from benchmarks.papers.completion import Method, element_rows, remove_rows_outside
 from catalogs.readers.layouts import LayoutRecord
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Element
@@ -39,7 +39,7 @@ def median_pitch(seen: list[Element], domain: Rectangle, region: list[Rectangle]
         half = (grid.width / 2, grid.height / 2)
         label = np.full(len(x), ELEMENT_CLASSES.index(grid.label))
         found.append(np.column_stack([label, x - half[0], y - half[1], x + half[0], y + half[1]]))
-    return [cleared(np.concatenate(found), seen, domain, region)]
+    return [remove_rows_outside(np.concatenate(found), seen, domain, region)]
 
 
 def extension(how: ExtensionVariant) -> Method:
@@ -47,8 +47,8 @@ def extension(how: ExtensionVariant) -> Method:
 
     def method(seen: list[Element], domain: Rectangle, region: list[Rectangle]) -> list[list[Element]]:
         return [
-            cleared(
-                rows_of(list(propose_extension_elements(extension_context(seen, fit_grids(seen)), domain, how))),
+            remove_rows_outside(
+                element_rows(list(propose_extension_elements(extension_context(seen, fit_grids(seen)), domain, how))),
                 seen,
                 domain,
                 region,
@@ -63,9 +63,9 @@ def nearest_layout(database: Sequence[LayoutRecord]) -> Method:
 
     def method(seen: list[Element], domain: Rectangle, region: list[Rectangle]) -> list[list[Element]]:
         best, most = _NOTHING, -1.0
-        wanted = rows_of(seen)
+        wanted = element_rows(seen)
         for record in database:
-            rows = rows_of(record.elements)
+            rows = element_rows(record.elements)
             origin, size = np.array(record.domain[:2]), np.subtract(record.domain[2:], record.domain[:2])
             scale = np.subtract(domain[2:], domain[:2]) / size
             rows[:, 1:] = (rows[:, 1:] - np.tile(origin, 2)) * np.tile(scale, 2) + np.tile(domain[:2], 2)
@@ -74,7 +74,7 @@ def nearest_layout(database: Sequence[LayoutRecord]) -> Method:
             share = 2 * agrees.any(axis=1).sum() / (len(wanted) + visible.sum())
             if share > most:
                 best, most = rows[~visible], share
-        return [cleared(best, seen, domain, region)]
+        return [remove_rows_outside(best, seen, domain, region)]
 
     return method
 

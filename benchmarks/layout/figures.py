@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.papers.completion import Method, rows_of
+from benchmarks.papers.completion import Method, element_rows
 from catalogs.readers.layouts import LayoutRecord
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Element
@@ -46,7 +46,7 @@ def _errors(seen: list[Element], hidden: list[Element], proposed: list[Element],
     window = box_array([e for e in proposed if e.label == "window"])
     away = np.abs((window[:, [0]] + window[:, [2]]) / 2 - truth.columns) / truth.size[0]
     aligned = float(np.minimum(away.min(axis=1), 1).mean()) if away.size else np.nan
-    rows = rows_of([*proposed, *seen])
+    rows = element_rows([*proposed, *seen])
     both = overlap_mask(rows[:, 1:], rows[:, 1:]) & ~labels_may_overlap(rows[:, 0], rows[:, 0])
     np.fill_diagonal(both, False)
     new = rows[: len(proposed), 1:]

@@ -13,7 +13,7 @@ from facade_core.imagery.panorama_camera import camera_position, project_directi
 
 # Views of a panorama: headings around it, and the field of view of each, degrees.
 HEADINGS, FIELD_OF_VIEW_DEG = 8, 90.0
-# Heights at which they look, degrees: straight ahead, and up at what is over the street.
+# Pitches of the views, degrees: level, and upwards to roofs.
 PITCHES_DEG = (0.0, 40.0)
 
 

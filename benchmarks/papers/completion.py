@@ -33,7 +33,9 @@ SEARCH = (50, 20)
 SHORT_SEARCH = (5, 4)
 
 
-def cleared(rows: np.ndarray, seen: list[Element], domain: Rectangle, region: list[Rectangle]) -> list[Element]:
+def remove_rows_outside(
+    rows: np.ndarray, seen: list[Element], domain: Rectangle, region: list[Rectangle]
+) -> list[Element]:
     """Rows (N, 5) of label and corners, first come first served, without what overlaps, was seen or lies outside."""
     box, label = rows[:, 1:], rows[:, 0].astype(int)
     inside: BoolArray = np.all(box[:, :2] >= domain[:2], axis=1) & np.all(box[:, 2:] <= domain[2:], axis=1)
@@ -43,7 +45,7 @@ def cleared(rows: np.ndarray, seen: list[Element], domain: Rectangle, region: li
     return [Element(ELEMENT_CLASSES[label[i]], *box[i].tolist()) for i in np.sort(kept)]
 
 
-def rows_of(elements: Sequence[Element]) -> np.ndarray:
+def element_rows(elements: Sequence[Element]) -> np.ndarray:
     found = [(ELEMENT_CLASSES.index(e.label), e.x0, e.y0, e.x1, e.y1) for e in elements]
     return np.array(found, float).reshape(-1, 5)
 
@@ -77,7 +79,7 @@ def low_rank(seen: list[Element], domain: Rectangle, region: list[Rectangle]) ->
         for rows, columns in ndimage.find_objects(parts):
             corners = np.array([columns.start, rows.start, columns.stop, rows.stop]) / np.tile(scale, 2)
             found.append([number, *(corners + np.tile(domain[:2], 2))])
-    return [cleared(np.array(found, float).reshape(-1, 5), seen, domain, region)]
+    return [remove_rows_outside(np.array(found, float).reshape(-1, 5), seen, domain, region)]
 
 
 def annealing(model: LayoutModel, steps: int = 400) -> Method:
@@ -86,7 +88,7 @@ def annealing(model: LayoutModel, steps: int = 400) -> Method:
     def method(seen: list[Element], domain: Rectangle, region: list[Rectangle]) -> list[list[Element]]:
         rng = np.random.default_rng(0)
         start = observed_layout_arrays(seen, domain, np.array(region), model)
-        first = rows_of(seen)
+        first = element_rows(seen)
         rows, grid = first.copy(), start.grid.copy()
 
         def value(rows: np.ndarray, grid: np.ndarray) -> float:
@@ -114,12 +116,12 @@ def annealing(model: LayoutModel, steps: int = 400) -> Method:
                 else:
                     tried[k, 1:] += np.tile(rng.normal(size=2) * 0.05 * extent, 2)
             added = tried[len(first) :]
-            if len(cleared(added, seen, domain, region)) < len(added):
+            if len(remove_rows_outside(added, seen, domain, region)) < len(added):
                 continue
             new = value(tried, tried_grid)
             if new > current or rng.uniform() < np.exp((new - current) / (0.3 * (1 - step / steps) + 1e-3)):
                 rows, grid, current = tried, tried_grid, new
-        return [cleared(rows[len(first) :], seen, domain, region)]
+        return [remove_rows_outside(rows[len(first) :], seen, domain, region)]
 
     return method
 
@@ -131,6 +133,6 @@ def policy_search(model: LayoutModel, search: tuple[int, int] = SEARCH) -> Metho
         start = observed_layout_arrays(seen, domain, np.array(region), model)
         used, seeds, scores = evolve_policy_candidates(model.policies, start, model, *search, 0)
         box, label, _ = roll_out_policy(used[scores.argmax()], start, int(seeds[scores.argmax()]))
-        return [cleared(np.column_stack([label, box])[len(seen) :], seen, domain, region)]
+        return [remove_rows_outside(np.column_stack([label, box])[len(seen) :], seen, domain, region)]
 
     return method

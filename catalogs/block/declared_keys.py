@@ -37,8 +37,8 @@ class Effect(StrEnum):
 class Key:
     """Declaration of a key, in the annotation of its type.
 
-    A key is a path (`path`), a setting (`effect`), or says how the files of its section are read (neither): of paths and
-    of these, what is read counts and not the value.
+    A key is a path (`path`), a setting (`effect`), or says how the files of its section are read (neither): the digest of
+    a path and of such a key is that of the content read.
 
     Attributes
     ----------

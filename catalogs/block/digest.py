@@ -80,4 +80,4 @@ def _aerial_inputs(block: Block) -> object:
 
 
 def _value_digest(value: object) -> str:
-    return hashlib.sha256(DigestEncoder().bytes_of(value)).hexdigest()
+    return hashlib.sha256(DigestEncoder().encode_bytes(value)).hexdigest()

@@ -121,7 +121,7 @@ class CityIndex:
             shops=None,
             entrances=tuple(block.entrances[i] for i in entrances.tolist()),
             ground=self._ground_around(around),
-            photos=self._photos_of(mine),
+            photos=self._select_photos(mine),
             panoramas=tuple(block.panoramas[i] for i in pictured.tolist()),
             textures=textures,
             notes=(),
@@ -129,7 +129,7 @@ class CityIndex:
             part=part,
         )
 
-    def _photos_of(self, buildings: Sequence[Building]) -> dict[str, Path]:
+    def _select_photos(self, buildings: Sequence[Building]) -> dict[str, Path]:
         """Return the photos of the facades of some buildings, which file names may give by their stem."""
         names = {name for one in buildings for name in (one.id, safe_file_stem(one.id))}
         facades = {facade for name in names for facade in self._photos.get(name, ())}

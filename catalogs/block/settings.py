@@ -16,7 +16,7 @@ class WithSettings:
 
     Attributes
     ----------
-    settings : keys of the block file; of what it names in files, what was read counts.
+    settings : keys of the block file; files count by the content read.
     """
 
     settings: BlockFileSettings = field(hash=False)  # some of its keys are lists

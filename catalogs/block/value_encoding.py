@@ -102,7 +102,7 @@ class DigestEncoder(ValueEncoder):
         """Refuse a path: its file's bytes or its name are to be encoded."""
         raise TypeError(f"no digest of the path {path.name}")
 
-    def bytes_of(self, value: object) -> bytes:
+    def encode_bytes(self, value: object) -> bytes:
         """Return the bytes that a digest of a value is computed of."""
         return json.dumps(self.encode(value)).encode() + self.blob
 

@@ -137,7 +137,7 @@ class HttpClient:
                 )
             self._delay_requests(SERVICES.initial_wait_s * 2**attempt if wait is None else wait)
         raise ServiceUnavailableError(
-            f"{where} {problem}, {SERVICES.max_attempts} times; run again later, what is here stays"
+            f"{where} {problem}, {SERVICES.max_attempts} times; run again later: downloaded files are kept"
         )
 
     @contextmanager

@@ -130,7 +130,7 @@ def _read_scene(
 
 
 class _SceneReader:
-    """Surfaces of the primitives of a glTF, the pictures that they use, and what is not read of them."""
+    """Surfaces of the primitives of a glTF, their pictures, and a list of unread parts."""
 
     def __init__(self, path: Path, header: JsonObject) -> None:
         self.path, self.header = path, header

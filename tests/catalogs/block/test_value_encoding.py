@@ -100,7 +100,7 @@ def test_every_change_of_a_value_changes_its_bytes() -> None:
     """Numbers are equal as numbers; types, lengths and nesting count."""
 
     def digested(value: object) -> bytes:
-        return DigestEncoder().bytes_of(value)
+        return DigestEncoder().encode_bytes(value)
 
     assert digested([7, -0.0, np.float64(0.5)]) == digested((7.0, 0, 0.5))
     values = [
