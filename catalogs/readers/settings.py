@@ -28,6 +28,7 @@ class InputLimits:
     min_ground_height_m : lower heights of the ground are errors.
     max_ground_height_m : larger heights of the ground are errors.
     max_building_height_m : taller buildings are errors of the data.
+    max_unpack_ratio : unpacked size over the size of the file: texts of numbers compress to a tenth.
     """
 
     min_double_face_area_m2: float = 1e-6
@@ -45,6 +46,7 @@ class InputLimits:
     min_ground_height_m: float = -1000.0
     max_ground_height_m: float = 10_000.0
     max_building_height_m: float = 1500.0
+    max_unpack_ratio: int = 50
 
 
 LIMITS = InputLimits()
@@ -68,8 +70,7 @@ class VectorReading:
     storey_range_m : median height of a storey.
     max_median_height_m : median height of all buildings of a file.
     min_unique_share : Share of unique values above which a column is used as ids.
-    min_unpack_limit_bytes : files unpack to this size or to the ratio below, the larger of both.
-    max_unpack_ratio : unpacked size over the size of the file: texts of numbers compress to a tenth.
+    min_unpack_limit_bytes : files unpack to this size or to `LIMITS.max_unpack_ratio`, the larger of both.
     rows_per_batch : rows of GeoParquet decoded at once.
     max_place_deg : span of a block whose coordinates are swapped, and of no site in metres.
     max_tagged_height_m : higher tags are errors.
@@ -100,7 +101,6 @@ class VectorReading:
     max_median_height_m: float = 200.0
     min_unique_share: float = 0.6
     min_unpack_limit_bytes: int = 64 * 2**20
-    max_unpack_ratio: int = 50
     rows_per_batch: int = 500
     max_place_deg: float = 2.0
     max_tagged_height_m: float = 1000.0
@@ -307,8 +307,7 @@ class ModelReading:
     max_levels : larger floor counts are codes for unknown, such as 9999.
     max_member_bytes : memory of one member of CityGML: a building, or the coordinates of one picture.
     max_member_tags : tags of one member.
-    min_unpack_limit_bytes : files unpack to this size or to the ratio below, the larger of both.
-    max_unpack_ratio : unpacked size over the size of the file: texts of numbers compress to a tenth.
+    min_unpack_limit_bytes : files unpack to this size or to `LIMITS.max_unpack_ratio`, the larger of both.
     min_model_height_m : lower models have no height.
     max_stated_height_m : larger heights are codes for unknown, such as 9999.
     max_ground_height_m : larger heights of the ground are errors.
@@ -340,7 +339,6 @@ class ModelReading:
     max_member_bytes: int = 256 * 2**20
     max_member_tags: int = 4_000_000
     min_unpack_limit_bytes: int = 32 * 2**20
-    max_unpack_ratio: int = 50
     min_model_height_m: float = 0.01
     max_stated_height_m: float = 1500.0
     max_ground_height_m: float = 9000.0

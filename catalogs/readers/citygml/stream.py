@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, cast
 
 from catalogs.reader_errors import short_message
-from catalogs.readers.settings import MODELS
+from catalogs.readers.settings import LIMITS, MODELS
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import open_regular
 
@@ -76,7 +76,7 @@ class _BoundedFile:
     def __init__(self, file: IO[bytes], path: Path) -> None:
         self._file, self._path = file, path
         self._total = self._bytes = self._tags = 0
-        self._most = max(MODELS.min_unpack_limit_bytes, MODELS.max_unpack_ratio * path.stat().st_size)
+        self._most = max(MODELS.min_unpack_limit_bytes, LIMITS.max_unpack_ratio * path.stat().st_size)
 
     def start_member(self) -> None:
         """Reset the counters of bytes and tags in memory."""
@@ -89,7 +89,7 @@ class _BoundedFile:
         self._bytes += len(part)
         self._tags += part.count(b"<")
         if self._total > self._most:
-            raise InputError(f"{self._path} unpacks to over {MODELS.max_unpack_ratio} times its size; export it again")
+            raise InputError(f"{self._path} unpacks to over {LIMITS.max_unpack_ratio} times its size; export it again")
         if self._bytes > MODELS.max_member_bytes or self._tags > MODELS.max_member_tags:
             raise InputError(
                 f"{self._path} holds a member of over {MODELS.max_member_bytes // 2**20} MB or {MODELS.max_member_tags} tags; "

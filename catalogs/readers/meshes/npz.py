@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from catalogs.reader_errors import short_message
-from catalogs.readers.settings import MODELS
+from catalogs.readers.settings import LIMITS, MODELS
 from facade_core.core.errors import InputError
 
 
@@ -33,9 +33,9 @@ def check_npz_arrays(path: Path, names: Sequence[str]) -> None:
                 if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
                     raise InputError(f"{path} is packed by another method than np.savez_compressed; save it with that")
                 total += info.file_size
-                if info.file_size > max(MODELS.min_unpack_limit_bytes, MODELS.max_unpack_ratio * info.compress_size):
+                if info.file_size > max(MODELS.min_unpack_limit_bytes, LIMITS.max_unpack_ratio * info.compress_size):
                     raise InputError(
-                        f"{path}: {info.filename} unpacks to over {MODELS.max_unpack_ratio} times its size; save it again"
+                        f"{path}: {info.filename} unpacks to over {LIMITS.max_unpack_ratio} times its size; save it again"
                     )
                 if total > MODELS.max_npz_bytes:
                     raise InputError(

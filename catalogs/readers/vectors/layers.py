@@ -314,7 +314,7 @@ def _read_parquet(path: Path, with_numbers: bool) -> tuple[GeoDataFrame, dict[st
         field.name for field in schema if pyarrow.types.is_integer(field.type) or pyarrow.types.is_floating(field.type)
     ]
     wanted = {*columns.values(), *(numbers if with_numbers else ()), json.loads(geo)["primary_column"]}
-    unpacked, most = 0, max(VECTORS.min_unpack_limit_bytes, VECTORS.max_unpack_ratio * path.stat().st_size)
+    unpacked, most = 0, max(VECTORS.min_unpack_limit_bytes, LIMITS.max_unpack_ratio * path.stat().st_size)
     for batch in file.iter_batches(
         batch_size=VECTORS.rows_per_batch, columns=sorted(wanted.intersection(schema.names))
     ):
@@ -323,7 +323,7 @@ def _read_parquet(path: Path, with_numbers: bool) -> tuple[GeoDataFrame, dict[st
             c.dictionary_decode().nbytes if hasattr(c, "dictionary_decode") else c.nbytes for c in batch.columns
         )
         if unpacked > most:
-            raise InputError(f"{path} unpacks to over {VECTORS.max_unpack_ratio} times its size; export it again")
+            raise InputError(f"{path} unpacks to over {LIMITS.max_unpack_ratio} times its size; export it again")
     frame = geopandas.read_parquet(path, columns=[name for name in schema.names if name in wanted])
     whole = [field.name for field in schema if pyarrow.types.is_integer(field.type)]
     return _restore_integers(frame, whole, lambda names: parquet.read_table(path, columns=names)), columns
