@@ -39,7 +39,7 @@ def test_a_factored_model_has_few_pictures_and_answers(found: PublishedBlock, un
     assert np.abs(model - other).max() < 0.1
     with pytest.raises(
         InputError,
-        match="--textures: is of 3dtiles and factored 3dtiles and factored glb; leave it out with factored usd",
+        match="--textures: is of 3dtiles and factored glb and factored 3dtiles; leave it out with factored usd",
     ):
         export_run(undisturbed[0], "usd", textures="factored")
     with pytest.raises(InputError, match="--lit: is of glb and 3dtiles and usd; leave it out with factored glb"):
