@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from facade_core.core.arrays import Float32Array, Float64Array
+from facade_core.core.fixed_order import principal_coordinates
 
 # Number of principal components (d in the paper).
 PRINCIPAL_COMPONENTS = 7
@@ -21,11 +22,7 @@ def project_on_principal_components(patches: Float32Array) -> Float64Array:
     -------
     (N, d) coordinates in intensities, d at most PRINCIPAL_COMPONENTS.
     """
-    flat = patches.reshape(len(patches), -1).astype(np.float64)
-    flat -= flat.mean(axis=0)
-    values, vectors = np.linalg.eigh(flat @ flat.T)
-    components: Float64Array = (vectors * np.sqrt(np.maximum(values, 0)))[:, ::-1][:, :PRINCIPAL_COMPONENTS]
-    return components
+    return principal_coordinates(patches.reshape(len(patches), -1).astype(np.float64), PRINCIPAL_COMPONENTS)
 
 
 def relabelling_cost(representatives: Float64Array) -> Float64Array:

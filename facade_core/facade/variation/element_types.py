@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int32Array, IntArray
+from facade_core.core.fixed_order import multiply_matrices, principal_coordinates
 from facade_core.core.numba_cache import njit
+from facade_core.core.ties import ROUNDING_SHARE, first_minimum
 from facade_core.facade.variation.appearance import PRINCIPAL_COMPONENTS
 
 # Longest side of a descriptor: a state is still recognisable there although a box is a pixel off.
@@ -28,6 +30,8 @@ _MIN_SPLIT_SILHOUETTE = 0.6
 _MIN_SILHOUETTE_GAIN = 0.08
 # Smallest number of elements of a type that is split.
 _MIN_SPLIT_SIZE = 5
+# Squared distances below this are rounding where all points are equal.
+_MIN_SQUARED_DISTANCE = 1e-12
 
 
 def compute_descriptors(patches: Float32Array, visible: BoolArray) -> Float64Array:
@@ -63,8 +67,7 @@ def compute_descriptors(patches: Float32Array, visible: BoolArray) -> Float64Arr
         value[..., 4] = cv2.resize(_EDGE_WEIGHT * np.abs(down) / usual, size, interpolation=cv2.INTER_AREA)
         whole[:] = cv2.resize(in_view.astype(np.float32), size, interpolation=cv2.INTER_AREA) > 0.9
     flat = fill_unknown_from_similar(values, known).reshape(len(patches), -1).astype(np.float64)
-    left, strength, _ = np.linalg.svd(flat - flat.mean(axis=0), full_matrices=False)
-    descriptors: Float64Array = (left * strength)[:, :PRINCIPAL_COMPONENTS] / np.sqrt(flat.shape[1])
+    descriptors: Float64Array = principal_coordinates(flat, PRINCIPAL_COMPONENTS) / np.sqrt(flat.shape[1])
     return descriptors
 
 
@@ -86,9 +89,10 @@ def fill_unknown_from_similar(values: Float32Array, known: BoolArray) -> Float32
         return values
     flat = np.where(known[..., None], values, 0).reshape(len(values), -1).astype(np.float64)
     weight = np.repeat(known.reshape(len(values), -1), values.shape[-1], axis=1).astype(np.float64)
-    common = weight @ weight.T
-    squares = flat * flat @ weight.T
-    apart = np.where(common > 0, (squares + squares.T - 2 * flat @ flat.T) / np.maximum(common, 1), np.inf)
+    common = multiply_matrices(weight, weight.T)
+    squares = multiply_matrices(flat * flat, weight.T)
+    products = multiply_matrices(flat, flat.T)
+    apart = np.where(common > 0, (squares + squares.T - 2 * products) / np.maximum(common, 1), np.inf)
     result = values.copy()
     for i in np.flatnonzero(~known.all(axis=(1, 2))):
         missing = ~known[i]
@@ -120,12 +124,17 @@ def cluster_types(points: Float64Array) -> tuple[Int32Array, Int32Array]:
 
 
 def choose_representatives(points: Float64Array, types: Int32Array) -> Int32Array:
-    """Return the (T,) element of each type that is nearest to the centroid of its points (N, d)."""
+    """Return the (T,) element of each type that is nearest to the centroid of its points (N, d).
+
+    Both members of a pair are equally near; the first represents it.
+    """
     representatives = np.empty(types.max(initial=-1) + 1, np.int32)
     for t in range(len(representatives)):
         members = np.flatnonzero(types == t)
         to_centroid = ((points[members] - points[members].mean(axis=0)) ** 2).sum(axis=1)
-        representatives[t] = members[to_centroid.argmin()]
+        scale = float((points[members] ** 2).sum(axis=1).max())
+        tolerance = ROUNDING_SHARE * scale + _MIN_SQUARED_DISTANCE
+        representatives[t] = members[first_minimum(to_centroid, tolerance)]
     return representatives
 
 

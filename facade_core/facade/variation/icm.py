@@ -22,6 +22,8 @@ from facade_core.core.numba_cache import njit
 FIXED_POINT_ONE = 1 << 40
 # Largest change of the energy by an accepted move.
 _MAX_CHANGE = -1e-9
+# Changes that differ by less are equal but for rounding, in shares of 1 + the weight of regularity; the first one is taken.
+_TIE_SHARE = 1e-11
 
 
 class IcmState(NamedTuple):
@@ -196,6 +198,7 @@ def _move_cells(
     width = state.types.shape[1]
     part = np.empty(state.types.shape, np.bool_)
     joined = np.full(len(count), FIXED_POINT_ONE)
+    tie = _TIE_SHARE * (1 + alpha)
     for at in range(types.size):
         a, p = int(np.int64(types[at])), before[at]
         if a < 0:
@@ -216,7 +219,7 @@ def _move_cells(
                 continue
             change = 1 / (count[b] + 1) - 1 / count[b] + joined[b] / FIXED_POINT_ONE + loss
             here = cost[p, b] - cost[p, a] + alpha * change
-            if here < gain:
+            if here < gain - tie:
                 best, gain = b, here
         if best == a:
             continue
@@ -255,6 +258,7 @@ def _merge_types(state: IcmState, previous: Int32Array, cost: Float64Array, alph
             if near >= 0:
                 touch[a, near] = True
     best_from, best_to, best = -1, -1, _MAX_CHANGE
+    tie = _TIE_SHARE * (types.size + alpha)
     for a in range(number):
         for b in range(number):
             if a == b or count[a] == 0 or count[b] == 0:
@@ -271,7 +275,7 @@ def _merge_types(state: IcmState, previous: Int32Array, cost: Float64Array, alph
                 1 / (count[a] + count[b]) - 1 - 1 / count[a] - 1 / count[b] + state.merge_change[a, b] / FIXED_POINT_ONE
             )
             gain = data[a, b] + alpha * regular
-            if gain < best:
+            if gain < best - tie:
                 best_from, best_to, best = a, b, gain
     if best_from < 0:
         return 0.0

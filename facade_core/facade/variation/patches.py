@@ -13,6 +13,7 @@ from facade_core.core.arrays import (
     IntArray,
     UInt8Array,
 )
+from facade_core.core.ties import first_maximum
 
 # Wall around the element of a patch.
 PATCH_MARGIN_PX = 2
@@ -73,7 +74,8 @@ def align_boxes(image: UInt8Array, box: Int32Array, size: tuple[int, int]) -> In
     for _ in range(_ALIGNMENT_ROUNDS):
         template = np.mean([windows[s][i] for i, s in enumerate(best)], axis=0)
         template -= template.mean()
-        best = np.stack([np.einsum("nayx,ayx->n", w, template) for w in windows]).argmax(axis=0)
+        agreement = [(w * template).sum(axis=(1, 2, 3), dtype=np.float64) for w in windows]
+        best = np.array([first_maximum(own) for own in np.transpose(agreement)])
     aligned: IntArray = box + np.tile(
         np.stack([best % len(reach), best // len(reach)], axis=1) - _ALIGNMENT_REACH_PX, 2
     )

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from facade_core.core.arrays import Float64Array, Int32Array
+from facade_core.core.ties import first_minimum
 from facade_core.facade.variation.icm import FIXED_POINT_ONE, initial_icm_state, run_icm, sum_reciprocal_rectangle_sizes
 
 # Range and growth of the weight alpha; costs are normalised to [0, 1], regularity is not.
@@ -58,7 +59,7 @@ def regularise_structure_matrix(structure: Int32Array, cost: Float64Array) -> li
     if _count_types(current) > 1:
         used = current[current >= 0]
         present = np.unique(used)
-        cheapest = present[np.argmin(cost[np.ix_(used, present)].sum(axis=0))]
+        cheapest = present[first_minimum(cost[np.ix_(used, present)].sum(axis=0))]
         found.append(
             RegularitySolution(np.inf, np.where(current >= 0, cheapest, current).astype(np.int32), np.zeros(0))
         )

@@ -46,7 +46,7 @@ def compute_window_features(patches: Float32Array, wall: float) -> Float64Array:
     sharp = patches.mean(axis=3)
     across, down = (_edge_strength(sharp, wall, axis) for axis in ((1, 0), (0, 1)))
     features = [
-        _pool(np.log((grey + _DARK) / (wall + _DARK)), 8, 4),
+        _pool(_log_ratio(grey, wall), 8, 4),
         *(_pool(v, 4, 2) for v in (warmth, green, saturation)),
         *(_pool(v, 8, 4) for v in (across, down)),
         _pool(light, 12, 1),
@@ -59,6 +59,11 @@ def compute_window_features(patches: Float32Array, wall: float) -> Float64Array:
     ]
     flat: Float64Array = np.concatenate(features, axis=1).astype(np.float64)
     return np.concatenate([flat, flat - np.median(flat, axis=0)], axis=1)
+
+
+def _log_ratio(grey: Float32Array, wall: float) -> Float32Array:
+    """Return the logarithm of brightness to the wall's; rounded from double precision, it is the same on all processors."""
+    return np.asarray(np.log(((grey + _DARK) / (wall + _DARK)).astype(np.float64)), np.float32)
 
 
 def _edge_strength(grey: Float32Array, wall: float, axis: tuple[int, int]) -> Float32Array:

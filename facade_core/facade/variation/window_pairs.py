@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from facade_core.core.arrays import Float64Array, Int32Array
+from facade_core.core.fixed_order import multiply_matrices
 from facade_core.facade.variation.element_types import mean_silhouette
 from facade_core.facade.variation.window_features import FEATURE_BLOCKS
 
@@ -55,7 +56,7 @@ def iterate_pair_features(group: GroupAppearance) -> Iterator[Float64Array]:
     yield apart / _DESCRIPTOR_UNIT
     yield np.minimum(apart / max(_median_of_pairs(apart), 1e-6), _MAX_RELATIVE)
     yield _agreement(group.appearance_types)
-    same = np.clip(group.states @ group.states.T, _MIN_PROBABILITY, 1 - _MIN_PROBABILITY)
+    same = np.clip(multiply_matrices(group.states, group.states.T), _MIN_PROBABILITY, 1 - _MIN_PROBABILITY)
     yield np.log(same / (1 - same))
     yield same
     yield _agreement(group.states.argmax(axis=1).astype(np.int32))

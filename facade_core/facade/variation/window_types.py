@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from facade_core.core.arrays import Float64Array, Int32Array
+from facade_core.core.fixed_order import multiply_matrices
 from facade_core.core.json_model import read_json_model, write_json_model
 from facade_core.facade.variation.element_types import (
     choose_representatives,
@@ -32,6 +33,8 @@ _MIN_SIMILARITY = 0.5
 # Types by appearance alone hold where their mean silhouette is at least this, as where pictures repeat exactly; of the photos
 # that trained the metric none reaches .75.
 _CLEAR_SILHOUETTE = 0.8
+# Decimals of probabilities.
+_DECIMALS = 10
 
 
 class WindowMetric(NamedTuple):
@@ -53,19 +56,18 @@ class WindowMetric(NamedTuple):
 
     def predict_states(self, features: Float64Array) -> Float64Array:
         """Return the (N, states) probabilities of features (N, d)."""
-        logits = (features - self.mean) / self.scale @ self.state_weights[:-1] + self.state_weights[-1]
+        logits = multiply_matrices((features - self.mean) / self.scale, self.state_weights[:-1])
+        logits += self.state_weights[-1]
         shares = np.exp(logits - logits.max(axis=1, keepdims=True))
-        probabilities: Float64Array = shares / shares.sum(axis=1, keepdims=True)
-        return probabilities
+        return _round_off(shares / shares.sum(axis=1, keepdims=True))
 
     def predict_similarity(self, group: GroupAppearance, context: Float64Array) -> Float64Array:
         """Return the (N, N) probability that two windows of a group with its `group_context` are of one type."""
-        weights = context @ self.pair_weights
-        logits = np.full((len(group.features),) * 2, context @ self.pair_bias)
+        weights = multiply_matrices(context, self.pair_weights)
+        logits = np.full((len(group.features),) * 2, float((context * self.pair_bias).sum()))
         for weight, feature in zip(weights, iterate_pair_features(group), strict=True):
             logits += weight * feature
-        similarity: Float64Array = 1 / (1 + np.exp(-np.clip(logits, -_MAX_LOGIT, _MAX_LOGIT)))
-        return similarity
+        return _round_off(1 / (1 + np.exp(-np.clip(logits, -_MAX_LOGIT, _MAX_LOGIT))))
 
 
 def describe_group(group: GroupPatches, features: Float64Array, scale: Float64Array) -> GroupAppearance:
@@ -109,6 +111,12 @@ def cluster_window_types(group: GroupPatches) -> tuple[Int32Array, Int32Array]:
     clear = context[2] >= _CLEAR_SILHOUETTE
     types = order_by_frequency(appearance.appearance_types if clear else _link(similarity))
     return types, choose_representatives(appearance.descriptors, types)
+
+
+def _round_off(probabilities: Float64Array) -> Float64Array:
+    """Round to _DECIMALS: numpy's exponential differs between processors in its last bit."""
+    rounded: Float64Array = np.round(probabilities, _DECIMALS)
+    return rounded
 
 
 def _link(similarity: Float64Array) -> Int32Array:
