@@ -5,13 +5,15 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float64Array, Int64Array, UInt8Array
+from facade_core.core.arrays import BoolArray, Float64Array, UInt8Array
 from facade_core.core.levelling import fill_unknown_values
+from facade_core.core.ties import first_maximum
 
 RANSAC_ITERATIONS = 400
 _MAX_SLOPE = np.tan(np.deg2rad(4.0))
 _LINE_TOLERANCE_PX = 2.0  # of a shifted line that meets a line
 _PEAK_RADIUS_PX = 8  # in which a shift must be the best one
+_MIN_PITCH_PX = 12
 _MIN_CORRELATION = 0.15  # of a repetition
 
 
@@ -73,7 +75,9 @@ def _horizontal_lines(image: UInt8Array, mask: BoolArray) -> Float64Array:
 def _find_pitch(lines: Float64Array, image: UInt8Array, mask: BoolArray, rng: np.random.Generator) -> int | None:
     """Return the shift between two random lines under which most lines meet lines (Code 1).
 
-    Lines that leave do not count.
+    Lines that leave do not count, nor those that come as near to the border as lines are placed: no edge is found there.
+    Lines are inexact by pixels. So the picture's correlation with itself has its best value near the lines' shift, and the
+    result is the nearest shift where it peaks.
     """
     height = image.shape[0]
     if len(lines) < 4:
@@ -81,38 +85,47 @@ def _find_pitch(lines: Float64Array, image: UInt8Array, mask: BoolArray, rng: np
     y, x0, x1 = lines.T
     pairs = rng.integers(0, len(lines), (RANSAC_ITERATIONS, 2))
     shifts = np.unique(np.rint(np.abs(y[pairs[:, 0]] - y[pairs[:, 1]])))
-    shifts = shifts[(shifts >= max(12, height / 16)) & (shifts <= height / 3)]
+    shifts = shifts[(shifts >= max(_MIN_PITCH_PX, height / 16)) & (shifts <= height / 3)]
     if not len(shifts):
         return None
+    inner = height - 1 - _LINE_TOLERANCE_PX
     overlap = (x0[:, None] < x1[None]) & (x0[None] < x1[:, None])
     length = x1 - x0
     share = np.zeros(len(shifts))
     for k, shift in enumerate(shifts):
         meets = (overlap & (np.abs(y[:, None] + shift - y[None]) <= _LINE_TOLERANCE_PX)).any(1)
-        stays = y + shift < height
+        stays = y + shift < inner
         share[k] = (length * meets)[stays].sum() / max(length[stays].sum(), 1.0)
         share[k] *= min(1.0, length[stays].sum() / (0.4 * length.sum()))
-    likeness = _shift_correlations(image, mask, shifts.astype(int))
+    correlation = _shift_correlations(image, mask, height // 3 + _PEAK_RADIUS_PX)
+    steps = np.arange(-int(_LINE_TOLERANCE_PX), int(_LINE_TOLERANCE_PX) + 1)
+    likeness = correlation[shifts.astype(int)[:, None] + steps].max(axis=1)
     score = np.maximum(likeness, 0.0) * (0.5 + share)
     peak = score >= np.where(np.abs(shifts[:, None] - shifts) <= _PEAK_RADIUS_PX, score, 0.0).max(1)
     best = int(np.flatnonzero(peak & (score >= 0.75 * score.max()))[0])  # the fundamental, not its multiples
     if likeness[best] < _MIN_CORRELATION:
         return None
-    return int(shifts[best])
+    pitch = int(shifts[best])
+    while _MIN_PITCH_PX <= pitch < len(correlation) - 1:
+        step = first_maximum(correlation[[pitch, pitch - 1, pitch + 1]])
+        if step == 0:
+            return pitch
+        pitch += (0, -1, 1)[step]
+    return None  # the correlation only falls from shift 0, or rises to the end
 
 
-def _shift_correlations(image: UInt8Array, mask: BoolArray, shifts: Int64Array) -> Float64Array:
-    """Return the correlation of the visible detail with itself under every vertical shift, at a quarter of the width."""
+def _shift_correlations(image: UInt8Array, mask: BoolArray, count: int) -> Float64Array:
+    """Return the correlation of the visible detail with itself, at a quarter of the width, for shifts of 0 to `count` - 1."""
     small = max(1, image.shape[1] // 4), image.shape[0]
     grey = cv2.resize(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), small, interpolation=cv2.INTER_AREA).astype(np.float32)
     known = cv2.resize(mask.astype(np.float32), small, interpolation=cv2.INTER_AREA) == 0
     weight = cv2.blur(known.astype(np.float32), (9, 2 * (image.shape[0] // 16) + 1))
     local = cv2.blur(grey * known, (9, 2 * (image.shape[0] // 16) + 1)) / np.maximum(weight, 1e-6)
     detail = np.where(known, cv2.GaussianBlur(grey - local, (0, 0), 3.0), 0.0)
-    out = np.zeros(len(shifts))
-    for k, shift in enumerate(shifts):
+    out = np.ones(count)
+    for shift in range(1, count):
         both = known[:-shift] & known[shift:]
         a, b = detail[:-shift][both], detail[shift:][both]
         if len(a) >= 50:
-            out[k] = float((a * b).sum()) / max(float(np.sqrt((a * a).sum() * (b * b).sum())), 1e-6)
+            out[shift] = float((a * b).sum()) / max(float(np.sqrt((a * a).sum() * (b * b).sum())), 1e-6)
     return out
