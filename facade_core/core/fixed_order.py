@@ -19,14 +19,34 @@ _EPSILON = 2.0**-52
 
 
 def multiply_matrices(left: ArrayLike, right: ArrayLike) -> Float64Array:
-    """Return the product of two matrices, (n, k) and (k, m); either may be a vector, as for `@`."""
+    """Return the product of (..., n, k) and (k, m) in double precision; either may be a vector (k,), as for `@`."""
     one, other = np.asarray(left, np.float64), np.asarray(right, np.float64)
-    rows = np.ascontiguousarray(one if one.ndim == 2 else one[None])
+    rows = np.ascontiguousarray(one.reshape(-1, one.shape[-1]))
     columns = np.ascontiguousarray(other if other.ndim == 2 else other[:, None])
     if rows.shape[1] != columns.shape[0]:
         raise ValueError(f"matrices of {one.shape} and {other.shape} have no product")
     product: Float64Array = _multiply(rows, columns).reshape(one.shape[:-1] + other.shape[1:])
     return product
+
+
+def solve_least_squares(matrix: Float64Array, right: Float64Array) -> Float64Array:
+    """Return the (k, m) solution of an overdetermined system (n, k) of full rank with right sides (n, m).
+
+    Orthogonalises columns by the modified method of Gram and Schmidt.
+    """
+    columns, sides = np.array(matrix, np.float64).T.copy(), np.array(right, np.float64)
+    count = len(columns)
+    upper, target = np.zeros((count, count)), np.zeros((count, sides.shape[1]))
+    for k in range(count):
+        upper[k, k] = np.sqrt((columns[k] ** 2).sum())
+        columns[k] /= upper[k, k]
+        upper[k, k + 1 :] = (columns[k + 1 :] * columns[k]).sum(axis=1)
+        columns[k + 1 :] -= upper[k, k + 1 :, None] * columns[k]
+        target[k] = (sides.T * columns[k]).sum(axis=1)
+        sides -= np.outer(columns[k], target[k])
+    for k in range(count - 1, -1, -1):
+        target[k] = (target[k] - (upper[k, k + 1 :, None] * target[k + 1 :]).sum(axis=0)) / upper[k, k]
+    return target
 
 
 def principal_coordinates(rows: Float64Array, count: int) -> Float64Array:
@@ -62,6 +82,16 @@ def symmetric_eigenvectors(matrix: Float64Array) -> tuple[Float64Array, Float64A
     diagonal, beside = _tridiagonalise(work, vectors)
     _diagonalise(diagonal, beside, vectors)
     return diagonal, np.ascontiguousarray(vectors.T)
+
+
+@njit(cache=True)
+def multiply_vector(matrix: Float64Array, vector: Float64Array) -> Float64Array:
+    """Return the product of a matrix (n, k) and a vector (k,), in kernels; numba's `@` calls BLAS."""
+    result = np.zeros(matrix.shape[0])
+    for i in range(matrix.shape[0]):
+        for k in range(matrix.shape[1]):
+            result[i] += matrix[i, k] * vector[k]
+    return result
 
 
 @njit(cache=True)

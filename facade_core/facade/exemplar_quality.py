@@ -140,5 +140,6 @@ def _column_slope(labels: UInt8Array, found: FloorsAndBays) -> float:
         ]
         if len(places) >= 3:
             down, across = np.array(places, np.float64).T
-            slopes.append(abs(float(np.polyfit(down, across, 1)[0])))
+            down -= down.mean()
+            slopes.append(abs(float((down * (across - across.mean())).sum() / (down**2).sum())))
     return float(np.median(slopes)) if slopes else 0.0

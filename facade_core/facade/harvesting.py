@@ -8,6 +8,7 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.errors import ImageError
+from facade_core.core.fixed_order import multiply_matrices
 from facade_core.core.labels import FacadeClass
 from facade_core.core.resizing import resize_image
 from facade_core.core.types import SHIPPED_MODELS, Parsing, TrainedModelFiles
@@ -101,7 +102,7 @@ def harvest_facade(
         raise ImageError(f"its lines are {rectified.residual:.1f} degrees off the axes")
     # later than the cheaper check of lines, which most views without a facade fail
     check_daylight(photo[..., :3], photo[..., 3] == 0, exposure)
-    middle = rectified.homography @ [photo.shape[1] / 2, photo.shape[0] / 2, 1]
+    middle = multiply_matrices(rectified.homography, [photo.shape[1] / 2, photo.shape[0] / 2, 1.0])
     cut = crop_to_building(rectified.image, ~rectified.seen, middle[0] / middle[2], model=models.parser)
     if not cut.has_facade:
         raise ImageError("no facade is found in it")

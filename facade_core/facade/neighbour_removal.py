@@ -125,5 +125,6 @@ def measure_colour_change(lab: Float32Array, wall: BoolArray, column: int, floor
     if len(changes) < MIN_BANDS:
         return 0.0
     median = np.median(changes, axis=0)
-    along = np.array(changes) @ (median / max(float(np.linalg.norm(median)), 1e-6))
+    length = float(np.sqrt((median**2).sum()))
+    along = (np.array(changes) * (median / max(length, 1e-6))).sum(axis=1)
     return max(0.0, float(np.quantile(along, BAND_QUANTILE)))

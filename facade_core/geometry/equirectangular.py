@@ -7,6 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from facade_core.core.arrays import Float64Array
+from facade_core.core.fixed_order import multiply_matrices
 
 
 def upright_rotation(forward: Float64Array) -> Float64Array:
@@ -17,7 +18,7 @@ def upright_rotation(forward: Float64Array) -> Float64Array:
 
 def panorama_rays(forward: Float64Array, width: int) -> Float64Array:
     """Return the world unit directions through the pixel centres, (width / 2, width, 3)."""
-    return _camera_rays(width) @ upright_rotation(forward)
+    return multiply_matrices(_camera_rays(width), upright_rotation(forward))
 
 
 @lru_cache(maxsize=1)
@@ -51,7 +52,7 @@ def project_points_to_panorama(
     -------
     (..., 2) pixel coordinates (u, v), and (...) range in metres.
     """
-    camera = (np.asarray(points) - position) @ upright_rotation(forward).T
+    camera = multiply_matrices(np.asarray(points) - position, upright_rotation(forward).T)
     distance = np.linalg.norm(camera, axis=-1)
     longitude = np.arctan2(camera[..., 0], camera[..., 2])
     latitude = np.arcsin(np.clip(-camera[..., 1] / np.maximum(distance, 1e-12), -1, 1))

@@ -8,6 +8,7 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float64Array, FloatArray
 from facade_core.core.errors import GeometryError
+from facade_core.core.fixed_order import multiply_matrices
 from facade_core.core.lens_projection import project_camera_rays
 from facade_core.core.types import Pose
 from facade_core.geometry.equirectangular import upright_rotation
@@ -42,8 +43,7 @@ def camera_from_world(pose: Pose) -> Float64Array:
     upright = upright_rotation(np.array([np.sin(heading), np.cos(heading)]))
     pitched = np.array([[1, 0, 0], [0, np.cos(pitch), np.sin(pitch)], [0, -np.sin(pitch), np.cos(pitch)]])
     rolled = np.array([[np.cos(roll), np.sin(roll), 0], [-np.sin(roll), np.cos(roll), 0], [0, 0, 1]])
-    rotation: Float64Array = rolled @ pitched @ upright
-    return rotation
+    return multiply_matrices(multiply_matrices(rolled, pitched), upright)
 
 
 def project_directions_to_picture(directions: Float64Array, pose: Pose) -> Float64Array:
@@ -59,8 +59,8 @@ def project_directions_to_picture(directions: Float64Array, pose: Pose) -> Float
     (..., 2) shares of width and height, from the top left; NaN where a lens does not show the direction.
     """
     if pose.lens is not None:
-        return project_camera_rays(pose.lens, np.asarray(directions, np.float64) @ camera_from_world(pose).T)
-    camera = np.asarray(directions, np.float64) @ camera_from_world(pose).T
+        return project_camera_rays(pose.lens, multiply_matrices(directions, camera_from_world(pose).T))
+    camera = multiply_matrices(directions, camera_from_world(pose).T)
     longitude = np.arctan2(camera[..., 0], camera[..., 2])
     latitude = np.arctan2(-camera[..., 1], np.hypot(camera[..., 0], camera[..., 2]))
     return np.stack([longitude / (2 * np.pi) + 0.5, 0.5 - latitude / np.pi], axis=-1)
@@ -119,7 +119,7 @@ def pixels_per_radian_along(pose: Pose, width: int, rays: Float64Array) -> Float
     middle = pixels_per_radian(pose, width)
     if pose.lens is None or pose.lens.fisheye:
         return middle
-    cosine = rays @ camera_from_world(pose)[2] / np.maximum(np.linalg.norm(rays, axis=-1), 1e-9)
+    cosine = multiply_matrices(rays, camera_from_world(pose)[2]) / np.maximum(np.linalg.norm(rays, axis=-1), 1e-9)
     return np.asarray(middle * np.maximum(cosine, 1e-2) ** -1.5)
 
 

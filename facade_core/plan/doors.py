@@ -31,11 +31,11 @@ def is_corner_facade(charts: Charts, facades: Facades, facade: int, settings: Do
     found = []
     # the left wall must end where this one begins, and face away from the right one: else the corner is a nook
     for one, place, end, way in ((own[0], ends[0, 0], 1, -1), (own[-1], ends[-1, 1], 0, 1)):
-        turn = normals @ charts.normals()[facades.chart[one]]
+        turn = (normals * charts.normals()[facades.chart[one]]).sum(axis=1)
         turned = (
             (turn > settings.corner_cosines[0])
             & (turn < settings.corner_cosines[1])
-            & (way * (normals[:, :2] @ along) > 0)
+            & (way * (normals[:, :2] * along).sum(axis=1) > 0)
         )
         found.append(bool((turned & (np.hypot(*(foot[:, end] - place).T) < FACADE_WALLS.corner_tolerance_m)).any()))
     return all(found)

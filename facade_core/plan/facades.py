@@ -13,6 +13,7 @@ import shapely
 from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array, UInt8Array
 from facade_core.core.grouping import RowsByValue, group_rows
 from facade_core.core.name_hash import hash_name
+from facade_core.core.ties import first_maximum
 from facade_core.core.types import Building, Street
 from facade_core.geometry.charts import ChartKind, Charts
 from facade_core.geometry.raycast import MISS
@@ -277,7 +278,7 @@ def _has_modelled_roof(building: Building) -> bool:
 def _prevailing_level(level: Float64Array, width: Float64Array) -> float:
     """Return the level with most wall width within LEVEL_TOLERANCE_M."""
     near = np.abs(level[:, None] - level) < FACADE_WALLS.level_tolerance_m
-    return float(level[np.argmax(near @ width)])
+    return float(level[first_maximum((near * width).sum(axis=1))])
 
 
 def _is_gable(scene: Scene, buildings: Sequence[Building]) -> BoolArray:

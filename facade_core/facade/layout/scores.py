@@ -60,7 +60,7 @@ def score(
     check_domain(domain)
     check_elements(elements, domain)
     chosen = model or default_layout_model()
-    return float(chosen.weights @ layout_score_terms(elements, domain, chosen))
+    return float((chosen.weights * layout_score_terms(elements, domain, chosen)).sum())
 
 
 def layout_score_terms(

@@ -8,6 +8,9 @@ from facade_core.core.arrays import BoolArray, Float32Array, Int32Array
 from facade_core.core.numba_cache import njit
 from facade_core.facade.texture.settings import BLENDING
 
+# Decimals of coarse offsets, grey levels.
+_DECIMALS = 6
+
 
 def solve_colour_offsets(
     wanted_right: Float32Array, wanted_below: Float32Array, hidden: BoolArray, region: Int32Array
@@ -103,7 +106,8 @@ def _solve_coarse(
     matrix = sparse.csc_matrix(
         (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), (count, count)
     )
-    solved = splu(matrix).solve(right)
+    # SuperLU calls BLAS, whose rounding depends on the processor
+    solved = np.round(splu(matrix).solve(right), _DECIMALS)
     offset = np.zeros((height, width, 3), np.float32)
     offset[y, x] = solved[number]
     return offset

@@ -8,6 +8,7 @@ from itertools import product
 import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, UInt8Array
+from facade_core.core.fixed_order import multiply_matrices
 from facade_core.core.labels import FacadeClass
 from facade_core.core.lens_projection import picture_rays
 from facade_core.core.types import Pose
@@ -106,7 +107,7 @@ def _changes_within(surface: Float32Array, side: UInt8Array) -> BoolArray:
 
 def _seen_surfaces(scene: Scene, pose: Pose, rays: Float64Array) -> Float32Array:
     """Surface that each camera ray (h, w, 3) meets, -1 for none: (h, w) float32."""
-    _, hit = scene.caster.cast(camera_position(pose), rays @ camera_from_world(pose))
+    _, hit = scene.caster.cast(camera_position(pose), multiply_matrices(rays, camera_from_world(pose)))
     return np.where(hit == MISS, -1, scene.charts.surface[hit]).astype(np.float32)
 
 
@@ -175,7 +176,7 @@ def _mask_occluders(
         if not is_shown.any():
             continue
         parsing = parse(np.dstack([picture, np.where(is_shown, 255, 0).astype(np.uint8)]))
-        right, below, ahead = np.moveaxis(ray @ rotation.T, -1, 0)
+        right, below, ahead = np.moveaxis(multiply_matrices(ray, rotation.T), -1, 0)
         safe = np.maximum(ahead, 1e-6)
         x, y = (np.floor(focal * side / safe + OCCLUDERS.view_side / 2) for side in (right, below))
         inside = (ahead > 0) & (x >= 0) & (x < OCCLUDERS.view_side) & (y >= 0) & (y < OCCLUDERS.view_side)
@@ -195,10 +196,9 @@ def _view_rotation(heading: float, down: float) -> Float64Array:
     """Rotation (3, 3) from the panorama's camera to a view turned to its right and tilted down."""
     forward = np.array([np.sin(heading), np.cos(heading)])
     # `basis` expects world axes: right, ahead, up
-    level = upright_rotation(forward) @ np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+    level = multiply_matrices(upright_rotation(forward), np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]))
     tilt = np.array([[1, 0, 0], [0, np.cos(down), -np.sin(down)], [0, np.sin(down), np.cos(down)]])
-    rotation: Float64Array = tilt @ level
-    return rotation
+    return multiply_matrices(tilt, level)
 
 
 def _render_view(image: UInt8Array, pose: Pose, rotation: Float64Array, focal: float) -> tuple[UInt8Array, BoolArray]:
@@ -209,7 +209,7 @@ def _render_view(image: UInt8Array, pose: Pose, rotation: Float64Array, focal: f
         (np.arange(OCCLUDERS.view_side) + 0.5 - OCCLUDERS.view_side / 2) / focal,
         (np.arange(OCCLUDERS.view_side) + 0.5 - OCCLUDERS.view_side / 2) / focal,
     )
-    right, down, ahead = np.moveaxis(np.stack([x, y, np.ones_like(x)], axis=-1) @ rotation, -1, 0)
+    right, down, ahead = np.moveaxis(multiply_matrices(np.stack([x, y, np.ones_like(x)], axis=-1), rotation), -1, 0)
     left, top, wide, high = pose.view
     across = np.arctan2(right, ahead) / (2 * np.pi) + 0.5
     along = 0.5 + np.arctan2(down, np.hypot(right, ahead)) / np.pi

@@ -120,7 +120,10 @@ def detect_changes(newer: ChartView, older: ChartView, texels_per_metre: float) 
     if compared_share < MIN_COMPARED_SHARE:
         return ChangeMap(None, compared_share, np.zeros(size, bool), np.zeros(size, bool))
     changed = _changed_cells(
-        cues @ np.array(LOGISTIC_WEIGHTS[1:], np.float32) + LOGISTIC_WEIGHTS[0], both, size, texels_per_metre
+        (cues * np.array(LOGISTIC_WEIGHTS[1:], np.float32)).sum(axis=-1) + LOGISTIC_WEIGHTS[0],
+        both,
+        size,
+        texels_per_metre,
     )
     import cv2
 

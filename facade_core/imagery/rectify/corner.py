@@ -7,6 +7,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from facade_core.core.arrays import Float64Array
+from facade_core.core.fixed_order import multiply_matrices
+from facade_core.core.ties import first_maximum
 from facade_core.imagery.rectify.settings import CORNER
 from facade_core.imagery.rectify.vanishing import FacadeCamera, level_agreement, undistort
 
@@ -37,14 +39,15 @@ def find_corner(segments: Float64Array, view: FacadeCamera) -> Corner | None:
     yaws = np.radians(np.arange(-CORNER.max_second_yaw_deg, CORNER.max_second_yaw_deg + 0.5, 2.0))
     directions, agreement = level_agreement(straight, view, yaws)
     agreement[view.family >= 0] = 0
-    cosine = np.abs(directions @ view.rotation[:, 0])
-    scores = np.where(cosine < np.cos(np.radians(CORNER.min_corner_deg)), lengths @ agreement, 0.0)
-    second = agreement[:, int(scores.argmax())] > 0
+    cosine = np.abs(multiply_matrices(directions, view.rotation[:, 0]))
+    scores = np.where(cosine < np.cos(np.radians(CORNER.min_corner_deg)), multiply_matrices(lengths, agreement), 0.0)
+    second = agreement[:, first_maximum(scores)] > 0
     first = view.family == 0
     length = np.where(first | second, lengths, 0.0)
     if length[second].sum() < CORNER.min_second_share * length.sum():
         return None
-    rays = np.concatenate([straight.mean(axis=1) / view.focal, np.ones((len(segments), 1))], axis=1) @ view.rotation
+    towards = np.concatenate([straight.mean(axis=1) / view.focal, np.ones((len(segments), 1))], axis=1)
+    rays = multiply_matrices(towards, view.rotation)
     angle = np.arctan2(rays[:, 0], rays[:, 2])
     order = np.argsort(angle, kind="stable")
     order = order[length[order] > 0]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float64Array, IntArray
+from facade_core.core.fixed_order import multiply_matrices
 from facade_core.imagery.rectify.corner import Corner
 from facade_core.imagery.rectify.settings import EXTENT
 from facade_core.imagery.rectify.vanishing import FacadeCamera, undistort
@@ -74,7 +75,7 @@ def project_to_plane(points: Float64Array, view: FacadeCamera) -> Float64Array:
     """
     straight = undistort(points, view.distortion)
     rays = np.concatenate([straight / view.focal, np.ones((*points.shape[:-1], 1))], axis=-1)
-    facing = rays @ view.rotation
+    facing = multiply_matrices(rays, view.rotation)
     depth = facing[..., 2:]
     seen = depth > np.cos(np.radians(EXTENT.max_obliquity_deg)) * np.linalg.norm(rays, axis=-1, keepdims=True)
     return np.where(seen, facing[..., :2] / np.where(seen, depth, 1.0), np.nan)

@@ -24,6 +24,7 @@ from facade_core.core.arrays import (
     UInt8Array,
 )
 from facade_core.core.errors import ImageError
+from facade_core.core.fixed_order import solve_least_squares
 
 # Cells along the longer side of the raster; seams run between cells.
 CELLS = 160
@@ -182,7 +183,7 @@ def _exposure_gains(colour: Float32Array, clear: BoolArray, quality: Float32Arra
     # a weak pull towards a gain of one fixes views that share nothing with the rest
     weight = np.array([*weights, *np.full(n, 1e-3)])[:, None]
     matrix, right = np.vstack([*equations, np.eye(n)]), np.vstack([*ratios, np.zeros((n, 3))])
-    solution = np.linalg.lstsq(weight * matrix, weight * right, rcond=None)[0]
+    solution = solve_least_squares(weight * matrix, weight * right)
     reference = int(quality.argmax())
     is_reachable = _reachable_views(np.array(equations) != 0, reference)
     gain = np.exp(solution - np.where(is_reachable[:, None], solution[reference], 0))

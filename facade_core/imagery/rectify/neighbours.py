@@ -12,6 +12,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 
 from facade_core.core.arrays import AnyArray, BoolArray, Float64Array, UInt8Array
+from facade_core.core.fixed_order import multiply_matrices
 from facade_core.core.labels import FacadeClass
 
 # Rows at which pictures are compared, and most columns: of wider ones the columns are compared coarser.
@@ -98,7 +99,7 @@ def measure_gaps(image: UInt8Array, labels: UInt8Array, unknown: BoolArray) -> l
         lines = upright[:, start:stop].sum(axis=0) / rows[start:stop]
         lines = uniform_filter1d(lines, 3, mode="constant")  # a line leans by a little
         # left of the party wall the gap continues what is left of it, and right of it what is right
-        gain = ledges[:, start:stop].T @ (_normalise(profiles[0]) - _normalise(profiles[1]))
+        gain = multiply_matrices(ledges[:, start:stop].T, _normalise(profiles[0]) - _normalise(profiles[1]))
         column = int((np.cumsum(gain) / np.abs(gain).sum().clip(1e-9) + LINE_WEIGHT * lines).argmax())
         pairs = [near]
         # a single column of windows may be a bay, with the facade continuing beyond it
@@ -110,7 +111,11 @@ def measure_gaps(image: UInt8Array, labels: UInt8Array, unknown: BoolArray) -> l
         around = slice(max(0, start + column - reach), start + column + reach + 1)
         clutter = max(0.0, float(np.median(edges[around])) - MAX_EDGE_SHARE)
         line = float(lines[max(0, column - 2) : column + 3].max()) - clutter
-        features = [*min(mismatches, key=lambda mismatch: mismatch @ WEIGHTS[:2]), line, (stop - start) / unit]
+        features = [
+            *min(mismatches, key=lambda mismatch: float((mismatch * WEIGHTS[:2]).sum())),
+            line,
+            (stop - start) / unit,
+        ]
         found.append(GapEvidence(round((start + column + 0.5) / scale), np.array(features)))
     return found
 
@@ -150,14 +155,14 @@ def _ledge_profile(ledges: AnyArray, known: BoolArray, side: slice) -> AnyArray:
 def _normalise(profile: AnyArray) -> AnyArray:
     """Scale a profile to length 1 around 0."""
     centred = profile - profile.mean()
-    normalised: AnyArray = centred / max(float(np.linalg.norm(centred)), 1e-9)
+    normalised: AnyArray = centred / max(float(np.sqrt((centred**2).sum())), 1e-9)
     return normalised
 
 
 def _correlation(a: AnyArray, b: AnyArray) -> float:
     if len(a) < 8 or a.std() < 1e-9 or b.std() < 1e-9:
         return 0.0
-    return float(np.corrcoef(a, b)[0, 1])
+    return float((_normalise(a) * _normalise(b)).sum())
 
 
 def choose_sides(
@@ -213,4 +218,4 @@ def choose_sides(
 
 def party_wall_log_odds(features: Float64Array) -> float:
     """Logarithm of the odds that a gap is a party wall."""
-    return float(features @ WEIGHTS + BIAS)
+    return float((features * WEIGHTS).sum() + BIAS)

@@ -11,6 +11,7 @@ import shapely
 
 from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int32Array, Int64Array, UInt8Array
 from facade_core.core.errors import ImageError
+from facade_core.core.fixed_order import multiply_matrices
 from facade_core.core.grouping import RowsByValue
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
@@ -197,12 +198,12 @@ def _point_views(
     radius = np.linalg.norm(points - middle, axis=1).max()
     offset = places - middle
     reach = np.array([camera_reach(pose, max_distance) for pose in poses])
-    is_near = (offset @ normal > 0) & (np.linalg.norm(offset, axis=1) <= reach + radius)
+    is_near = ((offset * normal).sum(axis=1) > 0) & (np.linalg.norm(offset, axis=1) <= reach + radius)
     for index in np.flatnonzero(is_near).tolist():
         pose, (_, width) = poses[index], image_sizes[index]
         rays = points - places[index]
         distance = np.linalg.norm(rays, axis=1)
-        sine = -(rays @ normal) / np.maximum(distance, 1e-9)
+        sine = -(rays * normal).sum(axis=1) / np.maximum(distance, 1e-9)
         usable = (
             (distance <= reach[index])
             & (sine >= np.sin(np.radians(MIN_FACING_DEG)))
@@ -337,12 +338,11 @@ def _sample_points(scene: Scene, chart: int) -> Float64Array:
     points = np.stack(np.meshgrid(*((np.arange(n) + 0.5) / n for n in GRID_POINTS)), axis=-1).reshape(-1, 2)
     points = points * charts.size[chart]
     corners = mesh.vertices[mesh.triangles[mesh.chart_triangles(chart)]] - charts.origin[chart]
-    flat = corners @ np.column_stack([charts.axis_u[chart], charts.axis_v[chart]])
+    axes = np.stack([charts.axis_u[chart], charts.axis_v[chart]])
+    flat = multiply_matrices(corners, axes.T)
     edge = np.roll(flat, -1, axis=1) - flat
     offset = points[:, None, None] - flat
     side = edge[..., 0] * offset[..., 1] - edge[..., 1] * offset[..., 0]
     inside = ((side >= 0).all(axis=2) | (side <= 0).all(axis=2)).any(axis=1)
-    positions: Float64Array = charts.origin[chart] + points[inside] @ np.stack(
-        [charts.axis_u[chart], charts.axis_v[chart]]
-    )
+    positions: Float64Array = charts.origin[chart] + multiply_matrices(points[inside], axes)
     return positions

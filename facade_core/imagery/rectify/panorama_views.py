@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from facade_core.core.arrays import UInt8Array
+from facade_core.core.fixed_order import multiply_matrices
 from facade_core.core.lens_projection import picture_rays
 from facade_core.core.types import Lens, Pose
 from facade_core.imagery.panorama_camera import (
@@ -63,7 +64,7 @@ def cut_panorama_views(
     rays = picture_rays(lens, (side, side))
     for heading in np.arange(VIEW_COUNT) * 360.0 / VIEW_COUNT:
         camera = replace(own, heading=float(heading), pitch=VIEW_PITCH_DEG)
-        share = project_directions_to_picture(rays @ camera_from_world(camera), own)
+        share = project_directions_to_picture(multiply_matrices(rays, camera_from_world(camera)), own)
         shown = is_in_view(share, own)
         if not shown.any():
             continue

@@ -9,6 +9,7 @@ import numpy as np
 
 from facade_core.core.arrays import AnyArray, BoolArray, Float64Array, UInt8Array
 from facade_core.core.errors import ImageError
+from facade_core.core.fixed_order import multiply_matrices
 from facade_core.imagery.rectify.corner import find_corner
 from facade_core.imagery.rectify.extent import facade_extent
 from facade_core.imagery.rectify.line_segments import detect_segments_in_grey
@@ -127,7 +128,7 @@ def _homography(
 
     x0, y0, x1, y1 = box
     plane = np.stack(np.meshgrid(np.linspace(x0, x1, 33), np.linspace(y0, y1, 33)), axis=-1)
-    rays = np.concatenate([plane, np.ones((33, 33, 1))], axis=-1) @ view.rotation.T
+    rays = multiply_matrices(np.concatenate([plane, np.ones((33, 33, 1))], axis=-1), view.rotation.T)
     in_front = rays[..., 2] > 0.05
     straight = rays[..., :2] / np.where(in_front, rays[..., 2], 1.0)[..., None] * view.focal
     photo = distort(straight, view.distortion)
@@ -155,7 +156,7 @@ def _check_result(segments: Float64Array, family: AnyArray, homography: Float64A
     """Residual in degrees of the lines (n, 2, 2; photo pixels) in the result; ImageError for a wild warp."""
     if min(size) < RECTIFICATION.min_photo_side // 2 or max(size) > 20 * min(size):
         raise ImageError(f"photo: its facade would come out as {size[1]} x {size[0]} pixels; {REMEDY}")
-    ends = np.concatenate([segments, np.ones((len(segments), 2, 1))], axis=2) @ homography.T
+    ends = multiply_matrices(np.concatenate([segments, np.ones((len(segments), 2, 1))], axis=2), homography.T)
     is_in_front = (family >= 0) & (ends[..., 2] > 0).all(axis=1)
     flat = ends[is_in_front, :, :2] / ends[is_in_front, :, 2:]
     inside = ((flat.mean(axis=1) >= 0) & (flat.mean(axis=1) < size[::-1])).all(axis=1)

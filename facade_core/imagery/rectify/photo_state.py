@@ -78,7 +78,7 @@ def check_daylight(
         return
     both = np.concatenate([upper, rest])
     measured = [np.median(upper), np.percentile(upper, 90), np.percentile(both, 99), np.median(rest)]
-    if np.log(np.array(measured) + 8) @ checks.night_weights + checks.night_bias > 0:
+    if (np.log(np.array(measured) + 8) * checks.night_weights).sum() + checks.night_bias > 0:
         raise ImageError(AT_NIGHT)
 
 
@@ -97,9 +97,9 @@ def measure_direction(image: UInt8Array) -> Float64Array:
     top, foot = below[:-1] < -0.3, below[:-1] > 0.3
     return np.array(
         [
-            (grey.mean(axis=1) @ below) / (grey.std() + 0.02) / 8,
-            (level @ below[:-1]) / total,
-            (upright @ below[:-1]) / total,
+            (grey.mean(axis=1) * below).sum() / (grey.std() + 0.02) / 8,
+            (level * below[:-1]).sum() / total,
+            (upright * below[:-1]).sum() / total,
             (down**3).mean() / ((down**2).mean() ** 1.5 + 1e-9),
             (strong * np.sign(down)).mean(),
             np.log((level.mean() + 0.002) / (upright.mean() + 0.002)),
@@ -113,7 +113,7 @@ def _turn_probabilities(image: UInt8Array, hidden: BoolArray, checks: PhotoCheck
     size = (DIRECTION_SIDE_PX, DIRECTION_SIDE_PX)
     filled = np.where(hidden[..., None], image[~hidden].mean(axis=0).astype(np.uint8), image)
     small = resize_image(filled, size)
-    score = np.array([measure_direction(np.rot90(small, turns)) @ checks.turn_weights for turns in range(4)])
+    score = np.array([(measure_direction(np.rot90(small, turns)) * checks.turn_weights).sum() for turns in range(4)])
     odds = np.exp(score - score.max())
     return np.asarray(odds / odds.sum())
 
@@ -130,4 +130,4 @@ def _upright_evidence(labels: UInt8Array, hidden: BoolArray) -> float:
     below = (np.arange(len(labels)) + 0.5) / len(labels) - 0.5
     top = np.isin(labels, (FacadeClass.SKY, FacadeClass.ROOF)) & ~hidden
     foot = np.isin(labels, (FacadeClass.DOOR, FacadeClass.SHOP)) & ~hidden
-    return float((foot.mean(axis=1) - top.mean(axis=1)) @ below) / len(labels)
+    return float(((foot.mean(axis=1) - top.mean(axis=1)) * below).sum()) / len(labels)

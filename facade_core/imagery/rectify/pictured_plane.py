@@ -63,7 +63,7 @@ def camera_in_chart_frame(scene: Scene, chart: int, pose: Pose) -> CameraFrame:
     charts = scene.charts
     offset = camera_position(pose) - charts.origin[chart]
     axes = (charts.axis_u[chart], charts.axis_v[chart], charts.normals()[chart])
-    return CameraFrame(*(float(offset @ axis) for axis in axes))
+    return CameraFrame(*(float((offset * axis).sum()) for axis in axes))
 
 
 def estimate_pictured_turn(view: ChartView, camera: CameraFrame, texels_per_metre: float) -> PicturedTurn:
@@ -265,4 +265,5 @@ def _correlate_on_plane(
     one, two = (slope[both] for slope in slopes)
     if one.std() < 1e-6 or two.std() < 1e-6:
         return None
-    return float(np.corrcoef(one, two)[0, 1])
+    one, two = one - one.mean(), two - two.mean()
+    return float((one * two).sum() / np.sqrt((one**2).sum() * (two**2).sum()))

@@ -38,7 +38,9 @@ def shadow_share(image: UInt8Array, labels: UInt8Array) -> float:
     """
     height, width = labels.shape
     side = max(4, math.ceil(max(height, width) / _CELLS))
-    luminance = np.where(labels == FacadeClass.WALL, np.log(np.maximum(image @ _LUMINANCE, _MIN_LUMINANCE)), np.nan)
+    luminance = np.where(
+        labels == FacadeClass.WALL, np.log(np.maximum((image * _LUMINANCE).sum(axis=2), _MIN_LUMINANCE)), np.nan
+    )
     padded = np.pad(luminance, ((0, -height % side), (0, -width % side)), constant_values=np.nan)
     cells = padded.reshape(padded.shape[0] // side, side, -1, side).swapaxes(1, 2).reshape(-1, side * side)
     wall = (np.isfinite(cells).mean(1) >= _MIN_WALL_SHARE).reshape(padded.shape[0] // side, -1)

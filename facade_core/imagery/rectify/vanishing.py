@@ -13,6 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from facade_core.core.arrays import AnyArray, Float64Array
+from facade_core.core.fixed_order import multiply_matrices
+from facade_core.core.ties import first_maximum
 
 # 35 mm equivalent focal lengths that are tried when it is unknown,
 TRIED_FOCALS_MM = (22.0, 28.0, 36.0, 48.0)
@@ -142,7 +144,7 @@ def camera_angles(rotation: Float64Array) -> tuple[float, float, float]:
     down = rotation[:, 1]
     pitch = np.arcsin(np.clip(-down[2], -1, 1))
     roll = np.arctan2(-down[0], down[1])
-    yaw = np.arctan2(*(rotation[:, 0] @ _horizontal_directions(down, np.radians([90.0, 0.0])).T))
+    yaw = np.arctan2(*multiply_matrices(_horizontal_directions(down, np.radians([90.0, 0.0])), rotation[:, 0]))
     return float(np.degrees(yaw)), float(np.degrees(pitch)), float(np.degrees(roll))
 
 
@@ -160,7 +162,7 @@ def _search_cameras(segments: Float64Array, lengths: Float64Array, focal: float 
             down = point / np.array([length, length, 1.0])
             down /= np.linalg.norm(down) * (np.sign(down[1]) or 1.0)
             score = _agreement_scores(segments, lengths, down, length, yaws, np.radians(SEARCH_TOLERANCE_DEG))
-            k = int(np.argmax(score))
+            k = first_maximum(score)
             if score[k] > best_score:
                 right = _horizontal_directions(down, yaws[k : k + 1])[0]
                 rotation = np.column_stack([right, down, np.cross(right, down)])
@@ -190,8 +192,7 @@ def _agreement_scores(
         axis=1, keepdims=True
     )
     level = _agreement(_angles(segments, _horizontal_directions(down, yaws) * scale), tolerance) - mean_level
-    scores: Float64Array = lengths @ np.maximum(vertical, level)
-    return scores
+    return multiply_matrices(lengths, np.maximum(vertical, level))
 
 
 def level_agreement(
@@ -242,7 +243,7 @@ def _vertical_candidates(segments: Float64Array, lengths: Float64Array) -> Float
     score = (lengths[:, None] * _agreement(_angles(segments, points), np.radians(SEARCH_TOLERANCE_DEG))).sum(axis=0)
     chosen: list[Float64Array] = []
     for k in np.argsort(-score, kind="stable"):
-        if all(abs(points[k] @ other) < np.cos(np.radians(2.0)) for other in chosen):
+        if all(abs((points[k] * other).sum()) < np.cos(np.radians(2.0)) for other in chosen):
             chosen.append(points[k])
         if len(chosen) == MAX_CANDIDATES:
             break

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float32Array, Float64Array
+from facade_core.core.fixed_order import multiply_matrices
 from facade_core.core.types import Sun
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.daylight import fill_daylight_inside_buildings, hemisphere_directions
@@ -37,7 +38,7 @@ def ambient_light(
     down = np.clip(np.linspace(0, height, rows) + DAYLIGHT.ray_shift_m, inset[1], height - inset[1])
     points = charts.points(chart, across[None, :], down[:, None]).reshape(-1, 3) + DAYLIGHT.ray_lift_m * normals[chart]
     frame = np.stack([charts.axis_u[chart], charts.axis_v[chart], normals[chart]])
-    rays = hemisphere_directions() @ frame
+    rays = multiply_matrices(hemisphere_directions(), frame)
     shape = (len(points), *rays.shape)
     origins, rays = np.broadcast_to(points[:, None], shape), np.broadcast_to(rays, shape)
     depth, hit = scene.caster.cast(origins, rays)
@@ -47,7 +48,7 @@ def ambient_light(
     normal = np.where(land[..., None], [0.0, 0.0, 1.0], normals[hit])
     albedo = np.where(land | (charts.kind[hit] == ChartKind.GROUND), settings.ground_albedo, settings.surface_albedo)
     sky = np.where(free, 1.0, settings.occluder_sky_share * albedo * (0.5 + 0.5 * normal[..., 2]))
-    cosine = np.where(free, 0.0, np.maximum(normal @ sun_direction(sun), 0.0))
+    cosine = np.where(free, 0.0, np.maximum(multiply_matrices(normal, sun_direction(sun)), 0.0))
     is_lit = ~far & ~behind & (cosine > 0)
     cosine[is_lit] *= _is_sunlit(
         scene, origins[is_lit] + depth[is_lit][:, None] * rays[is_lit], normal[is_lit], sun, settings

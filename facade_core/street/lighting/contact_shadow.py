@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from facade_core.core.arrays import Float32Array, Float64Array
+from facade_core.core.fixed_order import multiply_matrices
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.settings import CONTACT_SHADOW, ContactShadowSettings
@@ -30,7 +31,7 @@ def _ground_light(scene: Scene, chart: int, settings: ContactShadowSettings) -> 
     near = charts.charts_within(chart, settings.contact_reach_m)
     walls = near[charts.kind[near] == ChartKind.WALL]
     ends = charts.points_at_shares(walls, np.array([[0.0, 1.0], [1.0, 1.0]]))
-    height_over_ground = (ends - charts.origin[chart]) @ charts.normals()[chart]
+    height_over_ground = multiply_matrices(ends - charts.origin[chart], charts.normals()[chart])
     # includes walls that begin below the ground and end above it
     touches_ground = (
         (height_over_ground < settings.max_foot_gap_m)

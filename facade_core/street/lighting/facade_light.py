@@ -49,7 +49,7 @@ def relight_facade(
     if towards[2] > 0 and light.any():  # a wall that the sun is behind has no relief that it shines on
         light = light * (1 - is_synthesised * relief_shadow_share(colour, labels, density, towards, shadow_brightness))
     origin, along, down = (getattr(scene.charts, name)[chart] for name in ("origin", "axis_u", "axis_v"))
-    tones = stain_tones(colour, labels, density, (float(origin @ along), float(origin @ down)), seed)
+    tones = stain_tones(colour, labels, density, (float((origin * along).sum()), float((origin * down).sum())), seed)
     skylight, bounce = ambient_light(scene, chart, sun)
     out = np.empty_like(colour)
     apply_facade_light(

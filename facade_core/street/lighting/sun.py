@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from facade_core.core.arrays import Float32Array, Float64Array, FloatArray, UInt8Array
+from facade_core.core.fixed_order import multiply_matrices
 from facade_core.core.types import Sun
 from facade_core.geometry.charts import Charts
 from facade_core.geometry.scene import Scene
@@ -29,7 +30,7 @@ def sun_disk_rays(sun: Sun, settings: SunSettings = SUNLIGHT) -> Float64Array:
     """
     towards = sun_direction(sun)
     right = np.cross(towards, [0.0, 0.0, 1.0])
-    right /= np.linalg.norm(right)
+    right /= np.sqrt((right**2).sum())
     radius = np.tan(np.radians(settings.disk_radius_deg)) * np.sqrt(
         (np.arange(settings.disk_rays) + 0.5) / settings.disk_rays
     )
@@ -58,7 +59,7 @@ def sunlight_share(scene: Scene, chart: int, sun: Sun, settings: SunSettings = S
     charts, density = scene.charts, scene.placement.texels_per_metre[chart]
     width, height = int(scene.placement.width[chart]), int(scene.placement.height[chart])
     normal = charts.normals()[chart]
-    cosine = float(normal @ sun_direction(sun))
+    cosine = float((normal * sun_direction(sun)).sum())
     if cosine <= 0:
         return np.zeros((height, width), np.float32)
     step = max(1, round(settings.sun_cell_m * density))
@@ -86,7 +87,7 @@ def sun_in_chart_frame(charts: Charts, chart: int, sun: Sun) -> tuple[Float64Arr
     (3,) along the chart's width, down and outward; brightness of shadow relative to full light.
     """
     frame = np.stack([charts.axis_u[chart], charts.axis_v[chart], charts.normals()[chart]])
-    towards = frame @ sun_direction(sun)
+    towards = multiply_matrices(frame, sun_direction(sun))
     return towards, float((SKY_LIGHT / (SKY_LIGHT + SUN_LIGHT * max(towards[2], 0.0))).mean())
 
 

@@ -210,7 +210,7 @@ def _averaged_table(table: Float64Array, sd: float, settings: GrainSettings) -> 
     within = np.sqrt(max(1 - sd * sd, 0.0))
     nodes, weights = np.polynomial.hermite_e.hermegauss(15)
     value = sd * (np.arange(256) - 128)[:, None] + within * settings.values_per_sd * nodes
-    averaged: Float64Array = np.interp(value, np.arange(256) - 128, table) @ (weights / weights.sum())
+    averaged: Float64Array = (np.interp(value, np.arange(256) - 128, table) * (weights / weights.sum())).sum(axis=1)
     return averaged
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, UInt8Array
+from facade_core.core.fixed_order import solve_least_squares
 from facade_core.core.labels import FacadeClass
 from facade_core.street.materials.patterns import add_noise
 from facade_core.street.materials.settings import STAINS, StainSettings
@@ -56,7 +57,8 @@ def wall_brightness_deviations(
 def stain_weights(deviations: tuple[float, ...] | None, settings: StainSettings = STAINS) -> Float64Array:
     """Compute the noise weights (2,) that raise a wall's deviations to those of photographs."""
     lacks = np.maximum(np.square(settings.photo_deviations) - np.square(deviations or (0.0, 0.0)), 0.0)
-    return np.sqrt(np.maximum(np.linalg.solve(np.square(settings.noise_deviations).T, lacks), 0.0))
+    weights = solve_least_squares(np.square(settings.noise_deviations).T, lacks[:, None])[:, 0]
+    return np.sqrt(np.maximum(weights, 0.0))
 
 
 def stain_tones(

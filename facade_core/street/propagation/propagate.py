@@ -14,6 +14,7 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array, UInt8Array, UInt16Array
 from facade_core.core.errors import GeometryError
+from facade_core.core.fixed_order import multiply_vector
 from facade_core.core.numba_cache import njit
 from facade_core.core.provenance import Provenance
 from facade_core.geometry.equirectangular import upright_rotation
@@ -223,7 +224,11 @@ def _blend_tiles(
     tile, turn = -1, -1
     for c in range(len(origin)):
         # the chart's frame in camera space: right, down, ahead
-        o, u, v = camera @ origin[c], camera @ axis_u[c], camera @ axis_v[c]
+        o, u, v = (
+            multiply_vector(camera, origin[c]),
+            multiply_vector(camera, axis_u[c]),
+            multiply_vector(camera, axis_v[c]),
+        )
         step = charts.step[c]
         along = step * u
         for top in range(0, height[c], VISIBLE_TILE_TEXELS):
@@ -300,7 +305,8 @@ def _mark_tiles(
     first = np.empty(3)
     tile = -1
     for c in range(len(charts.origin)):
-        o, u, v = camera @ charts.origin[c], camera @ charts.axis_u[c], camera @ charts.axis_v[c]
+        o = multiply_vector(camera, charts.origin[c])
+        u, v = multiply_vector(camera, charts.axis_u[c]), multiply_vector(camera, charts.axis_v[c])
         step = charts.step[c]
         along = step * u
         for top in range(0, height[c], VISIBLE_TILE_TEXELS):

@@ -8,6 +8,7 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int32Array, UInt8Array
 from facade_core.core.errors import GeometryError
+from facade_core.core.fixed_order import multiply_matrices
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
@@ -62,7 +63,7 @@ def daylight_grey(normals: Float64Array) -> Float64Array:
     (...,) in 0..1.
     """
     sky = 0.5 + 0.5 * normals[..., 2]
-    sun = np.clip(normals @ (SUN_DIRECTION / np.linalg.norm(SUN_DIRECTION)), 0, 1)
+    sun = np.clip(multiply_matrices(normals, SUN_DIRECTION / np.sqrt((SUN_DIRECTION**2).sum())), 0, 1)
     grey: Float64Array = np.clip(AMBIENT_LIGHT + 0.12 * sky + 0.16 * sun, 0, 1)
     return grey
 

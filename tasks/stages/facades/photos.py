@@ -11,6 +11,7 @@ import numpy as np
 from catalogs.readers.pictures.decoding import Picture
 from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.errors import ImageError
+from facade_core.core.fixed_order import multiply_matrices
 from facade_core.core.resizing import resize_image
 from facade_core.facade.evidence import Evidence
 from facade_core.imagery.detect.detection import detect_faces_plates_text
@@ -137,7 +138,7 @@ def crop_picture(
             notes.append(
                 f"two facades of a corner: the one {found.other_facade} of it is left out; take a photo of each from its front"
             )
-    middle = homography @ [shape[1] / 2, shape[0] / 2, 1]
+    middle = multiply_matrices(homography, [shape[1] / 2, shape[0] / 2, 1.0])
     try:
         cut = crop_to_building(image, hidden, middle[0] / middle[2], aspect, model=parser)
     except ImageError as error:

@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 
 from facade_core.core.arrays import AnyArray, BoolArray, Float64Array, IntArray
+from facade_core.core.fixed_order import multiply_matrices
 from facade_core.geometry.charts import CORNER_SHARES, Charts
 from facade_core.imagery.panorama_camera import (
     camera_position,
@@ -105,7 +106,7 @@ class UsablePanoramaIndex:
         pieces = shapely.convex_hull(shapely.multipoints(corners))
         piece, camera = self.places.query(pieces, "dwithin", self._largest_reach(reach))
         points = charts.points_at_shares(np.array([chart]), VIEW_SHARES)[0]
-        faced = (self._positions[camera] - charts.origin[chart]) @ charts.normals()[chart] > 0
+        faced = multiply_matrices(self._positions[camera] - charts.origin[chart], charts.normals()[chart]) > 0
         faced &= self._may_show(camera, pieces[piece], points, reach)
         piece, camera = piece[faced], camera[faced]
         away = np.linalg.norm(self._positions[camera, :2] - corners.mean(axis=1)[piece], axis=1)

@@ -11,7 +11,13 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_info
 
-from facade_core.core.fixed_order import multiply_matrices, principal_coordinates, symmetric_eigenvectors
+from facade_core.core.fixed_order import (
+    multiply_matrices,
+    multiply_vector,
+    principal_coordinates,
+    solve_least_squares,
+    symmetric_eigenvectors,
+)
 from facade_core.core.ties import first_maximum, first_minimum
 from facade_core.facade.variation.element_types import choose_representatives
 from facade_core.facade.variation.icm import initial_icm_state, run_icm
@@ -98,9 +104,19 @@ def test_products_of_vectors_have_the_shapes_of_numpy() -> None:
     matrix, vector = np.arange(6.0).reshape(2, 3), np.arange(3.0)
     assert np.array_equal(multiply_matrices(matrix, vector), matrix @ vector)
     assert np.array_equal(multiply_matrices(vector, matrix.T), vector @ matrix.T)
+    assert np.array_equal(multiply_vector(matrix, vector), matrix @ vector)
     assert multiply_matrices(vector, vector).shape == ()
+    rays = np.arange(24.0).reshape(2, 4, 3)
+    assert np.array_equal(multiply_matrices(rays, matrix.T), rays @ matrix.T)
     with pytest.raises(ValueError, match="no product"):
         multiply_matrices(matrix, matrix)
+
+
+def test_least_squares_match_lapack() -> None:
+    rng = np.random.default_rng(0)
+    matrix, right = rng.normal(size=(12, 5)) * np.geomspace(1e-3, 1e2, 12)[:, None], rng.normal(size=(12, 3))
+    expected = np.linalg.lstsq(matrix, right, rcond=None)[0]
+    np.testing.assert_allclose(solve_least_squares(matrix, right), expected, rtol=1e-8)
 
 
 @pytest.mark.skipif(

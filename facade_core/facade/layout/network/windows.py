@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int64Array
+from facade_core.core.fixed_order import multiply_matrices
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.model_file import file_stamps, open_inference_session, read_model_record
 from facade_core.core.types import Element
@@ -145,7 +146,7 @@ def _merge_views(views: Sequence[tuple[Float64Array, Float64Array]]) -> tuple[Fl
     index = index[chance[index] >= MIN_WINDOW_PROBABILITY]
     index = index[_select_distinct(box[index])]
     shares = np.where(np.concatenate(equal, axis=1)[index], weight, 0.0)
-    return shares @ box / shares.sum(axis=1, keepdims=True), chance[index]
+    return multiply_matrices(shares, box) / shares.sum(axis=1, keepdims=True), chance[index]
 
 
 def move_to_proposals(windows: Float64Array, proposals: Float64Array, probability: Float64Array) -> Float64Array:
