@@ -6,6 +6,8 @@ addition, product, division or square root of IEEE 754 in the order of the sourc
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -21,7 +23,7 @@ _EPSILON = 2.0**-52
 def multiply_matrices(left: ArrayLike, right: ArrayLike) -> Float64Array:
     """Return the product of (..., n, k) and (k, m) in double precision; either may be a vector (k,), as for `@`."""
     one, other = np.asarray(left, np.float64), np.asarray(right, np.float64)
-    rows = np.ascontiguousarray(one.reshape(-1, one.shape[-1]))
+    rows = np.ascontiguousarray(one.reshape(math.prod(one.shape[:-1]), one.shape[-1]))
     columns = np.ascontiguousarray(other if other.ndim == 2 else other[:, None])
     if rows.shape[1] != columns.shape[0]:
         raise ValueError(f"matrices of {one.shape} and {other.shape} have no product")

@@ -108,6 +108,8 @@ def test_products_of_vectors_have_the_shapes_of_numpy() -> None:
     assert multiply_matrices(vector, vector).shape == ()
     rays = np.arange(24.0).reshape(2, 4, 3)
     assert np.array_equal(multiply_matrices(rays, matrix.T), rays @ matrix.T)
+    for shape in ((0, 0), (0, 3), (2, 0)):
+        assert multiply_matrices(np.zeros(shape), np.zeros((shape[1], 4))).tolist() == np.zeros((shape[0], 4)).tolist()
     with pytest.raises(ValueError, match="no product"):
         multiply_matrices(matrix, matrix)
 
