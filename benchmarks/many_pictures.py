@@ -169,7 +169,7 @@ def choose(block_file: Path) -> dict[str, Any]:
 def refine(block_file: Path) -> dict[str, Any]:
     """Refine the chosen pictures of a block by the stages of a run."""
     from catalogs.block.reader import read_block
-    from tasks.engine.compute.connect import SerialCompute
+    from tasks.engine.compute.serial import SerialCompute
     from tasks.engine.fan_out import process_batch
     from tasks.engine.pending import find_pending_units
     from tasks.engine.run_key import create_run

@@ -51,7 +51,7 @@ def measured(out: Path, block_file: Path | None, until: str | None, every: int, 
     clock = Clock(profiled)
     from catalogs.block.reader import read_block
     from facade_core.kernel_warmup import WARMUPS
-    from tasks.engine.compute.connect import SerialCompute
+    from tasks.engine.compute.serial import SerialCompute
     from tasks.engine.fan_out import process_batch
     from tasks.engine.pending import find_pending_units
     from tasks.engine.run_key import create_run

@@ -39,7 +39,7 @@ from facade_core.imagery.rectify.panorama import rectify_chart_from_panorama
 from facade_core.plan.plan import FacadeSightings, Plan
 from facade_core.plan.plan_tables import read_plan
 from facade_core.plan.posed_pictures import place_pictured_facades
-from tasks.engine.compute.connect import SerialCompute
+from tasks.engine.compute.serial import SerialCompute
 from tasks.engine.fan_out import process_batch
 from tasks.engine.pending import find_pending_units
 from tasks.engine.run import Run

@@ -2,26 +2,40 @@
 
 from __future__ import annotations
 
+import sys
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 from facade_core.atlas.store import BRANCH, open_repository
 from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan
 from tasks.engine.run import Run
 
+if TYPE_CHECKING:
+    from distributed import Worker
+
 
 def current_worker_name() -> str:
     """Return the name of the Dask worker that runs this unit, or "serial"."""
-    import sys
+    worker = _current_worker()
+    return str(worker.name) if worker is not None else "serial"
 
-    if "distributed" in sys.modules:
-        from distributed import get_worker
 
-        try:
-            return str(get_worker().name)
-        except ValueError:
-            pass
-    return "serial"
+def current_worker_threads() -> int:
+    """Return the number of units that the worker of this unit runs at once."""
+    worker = _current_worker()
+    return worker.state.nthreads if worker is not None else 1
+
+
+def _current_worker() -> Worker | None:
+    if "distributed" not in sys.modules:
+        return None
+    from distributed import get_worker
+
+    try:
+        return get_worker()
+    except ValueError:
+        return None
 
 
 @lru_cache(maxsize=2)

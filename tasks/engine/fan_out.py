@@ -11,7 +11,7 @@ from prefect.cache_policies import NO_CACHE
 from facade_core.atlas.arrays import clear_rasters
 from facade_core.atlas.journal import Record
 from facade_core.atlas.store import open_root
-from tasks.engine.compute.attempts import SubmittedUnit
+from tasks.engine.compute.cluster import SubmittedUnit
 from tasks.engine.compute.connect import Compute
 from tasks.engine.context import load_run_plan
 from tasks.engine.outcome import UnitOutcomeCounts, failure_record, is_machine_fault, log_units, machine_error

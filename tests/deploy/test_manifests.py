@@ -14,7 +14,7 @@ import yaml
 
 from deploy.certificates import settings
 from facade_core.export.models.page_packing import MAX_PAGE_TEXELS
-from tasks.engine.compute.scheduler_view import UNITS_SHARE
+from tasks.engine.compute.cluster import UNITS_SHARE
 from tasks.engine.stage_code import VERSION
 from tasks.stages.pages.stage import page_memory
 from tasks.stages.shared import memory

@@ -24,7 +24,7 @@ from facade_core.atlas.rasters import TexelLayout, read_rasters
 from facade_core.atlas.store import open_repository, open_root
 from facade_core.facade.exemplar import Exemplar, prepare_exemplar
 from facade_core.plan.plan_tables import read_plan
-from tasks.engine.compute.connect import SerialCompute
+from tasks.engine.compute.serial import SerialCompute
 from tasks.engine.fan_out import process_batch
 from tasks.engine.forecast import forecast_work
 from tasks.engine.outcome import UnitOutcomeCounts, list_units_with_rejections

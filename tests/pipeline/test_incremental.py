@@ -17,7 +17,7 @@ from catalogs.block.corrections import Correction, append_corrections_to_file
 from catalogs.block.reader import read_block
 from facade_core.atlas.journal import Record, read_journal
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
-from tasks.engine.compute.connect import SerialCompute
+from tasks.engine.compute.serial import SerialCompute
 from tasks.engine.context import load_run_plan
 from tasks.engine.fan_out import process_batch
 from tasks.engine.forecast import NOTHING_PENDING

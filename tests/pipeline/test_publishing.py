@@ -30,7 +30,7 @@ from facade_core.atlas.stored_files import (
     tile_paths,
 )
 from facade_core.export.models.glb import read_glb_header, replace_copyright
-from tasks.engine.compute.connect import SerialCompute
+from tasks.engine.compute.serial import SerialCompute
 from tasks.engine.fan_out import process_batch
 from tasks.engine.pending import find_pending_units
 from tasks.engine.run_key import create_run

@@ -11,7 +11,7 @@ import pytest
 from catalogs.query.execution import query
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.core.errors import InputError
-from tasks.engine.compute.connect import SerialCompute
+from tasks.engine.compute.serial import SerialCompute
 from tasks.engine.context import load_run_plan
 from tasks.engine.store.commits import read_newest_journal
 from tasks.engine.store.digests import find_differing_units

@@ -1,57 +1,50 @@
-"""Execution of units on the workers of a Dask scheduler, with recovery from lost workers.
+"""Execution of units on the workers of a Dask scheduler.
 
-A watcher polls the scheduler. Units of a worker that is gone or silent are submitted again under a new key. A unit that
-exceeds the deadline of its stage is tried on another worker too. The first copy that ends counts; results of the others are
-never fetched.
+Dask places units, steals work, and reruns the units of lost workers. This module adds what Dask lacks:
+
+- Dask waits without limit for a worker, and for a scheduler that does not answer. Here the run ends.
+- Dask suspects all units of a worker that dies, also those that only wait there. Here each is run once more, by itself.
+- Dask bounds no duration. Here a worker exits when a unit exceeds its limit; Dask reruns that unit elsewhere.
 """
 
 from __future__ import annotations
 
-import itertools
 import logging
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future as Answer
-from concurrent.futures import as_completed
+from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager
-from typing import TYPE_CHECKING, TypeVar, cast
+from dataclasses import dataclass, field
+from functools import partial
+from queue import Empty, SimpleQueue
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar, cast
 from uuid import uuid4
 
 from facade_core.core.errors import FacadeError, MachineError
-from tasks.engine.compute.attempts import ClusterUnit, SubmittedUnit, UnitSubmission, fetch_result
-from tasks.engine.compute.deadlines import Deadlines
-from tasks.engine.compute.leases import ForgetCall, WorkerLease, WorkerLeases
-from tasks.engine.compute.scheduler_view import (
-    SchedulerView,
-    WorkerRegistry,
-    WorkerState,
-    poll_scheduler,
-    restart_workers,
-)
-from tasks.engine.compute.timeouts import DEFAULT_TIMEOUTS, Timeouts
-from tasks.engine.compute.worker_setup import run_timed_unit
+from tasks.engine.compute.worker_setup import LOG_TOPIC, run_on_worker
 
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-R = TypeVar("R")
-
-# Workers that may go away under a unit until it is suspected.
-MAX_WORKER_DEATHS = 1
-
-OVERRUN_MESSAGE = "the run took longer than its deadline; run again to go on from here"
-START_WORKERS = "start some (`dask worker ADDRESS`) and run again"
-
 log = logging.getLogger(__name__)
 
+R = TypeVar("R")
+R_co = TypeVar("R_co", covariant=True)
 
-# Asks a scheduler for its view of the workers: the client, and the seconds within which it is to answer.
-Look = Callable[["Client", float], SchedulerView]
+# Of the memory that workers have, what units may declare together; the rest is for libraries and a run's plan.
+UNITS_SHARE = 0.6
+# Memory of a worker that was started without a limit, in bytes.
+DEFAULT_WORKER_MEMORY = 2**33
+
+RUN_TIMEOUT_MESSAGE = "the run took longer than its deadline; run again to go on from here"
 
 
 class ClusterGoneError(MachineError):
     """The scheduler, or its last worker, is gone. Committed units stay."""
+
+    def __init__(self, message: str = "the Dask cluster went away; run again to go on from here") -> None:
+        super().__init__(message)
 
 
 class WorkersDiedError(FacadeError):
@@ -66,309 +59,245 @@ class RunTimeoutError(MachineError):
     """A run did not end in time. Committed units stay."""
 
 
-class Cluster:
-    """Runs units on the workers of a Dask scheduler, until a deadline by time.monotonic() if there is one.
+@dataclass(frozen=True)
+class Timeouts:
+    """Timeouts in seconds.
 
     Attributes
     ----------
-    memory : bytes that units on all workers may declare together, by the last poll.
-    threads : units that run at once, by the last poll.
+    connect : first answer of a scheduler.
+    first_worker : first worker of a scheduler.
+    poll_interval : time between two polls of the scheduler.
+    silence : no answer until the scheduler is given up.
+    empty : no worker until the run ends; a restarted worker needs some time.
+    unit : duration of a unit, many times that of the longest known.
     """
 
-    def __init__(
-        self,
-        client: Client,
-        until: float | None = None,
-        *,
-        poll: Look = poll_scheduler,
-        timeouts: Timeouts = DEFAULT_TIMEOUTS,
-    ) -> None:
-        self._client, self._until = client, until
-        self._look, self._timeouts = poll, timeouts
-        self._changed = threading.Condition()  # holds for all that follows
-        self._registry = WorkerRegistry(poll(client, timeouts.answer), timeouts)
-        self._units: set[ClusterUnit[object]] = set()
-        self._leases, self._names = WorkerLeases(), itertools.count(1)
-        self._forget_calls: list[Future[tuple[float, object]]] = []
-        self._over: FacadeError | None = None
-        self._suspects = threading.Lock()
-        self._deadlines = Deadlines(timeouts)
-        self._closed = threading.Event()
-        self._watcher = threading.Thread(target=self._watch, name="watch the cluster", daemon=True)
-        self._watcher.start()
+    connect: float = 8.0
+    first_worker: float = 30.0
+    poll_interval: float = 2.0
+    silence: float = 300.0
+    empty: float = 120.0
+    unit: float = 1800.0
 
-    def close(self) -> None:
-        """Stop polling."""
-        self._closed.set()
-        self._watcher.join(self._timeouts.poll_interval)  # a scheduler that is gone may be long in not answering
+
+DEFAULT_TIMEOUTS = Timeouts()
+
+
+class SubmittedUnit(Protocol[R_co]):
+    """Protocol of a unit that was submitted to any kind of compute."""
+
+    def result(self) -> R_co:
+        """Return the result of the unit, or raise its error."""
+        ...
+
+
+@dataclass(eq=False)
+class ClusterUnit(Generic[R_co]):
+    """A unit on a cluster, with the bytes that it declares. Its result leaves the cluster with its last reference."""
+
+    cluster: Cluster
+    call: tuple[Callable[..., R_co], *tuple[object, ...]]
+    memory: int
+    place: object
+    future: Future[R_co] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.start()
+
+    def start(self) -> None:
+        """Submit the unit to Dask."""
+        self.future = self.cluster.submit_call(self.call, self.place)
+
+    def is_suspect(self) -> bool:
+        """Report whether workers died that ran the unit, or had it next."""
+        from distributed import KilledWorker
+
+        return self.future.status == "error" and isinstance(self.future.exception(), KilledWorker)
+
+    def result(self) -> R_co:
+        """Return the result of the unit.
+
+        Raises
+        ------
+        WorkersDiedError : its workers died, and did so again without another suspect.
+        UnitTimeoutError : it exceeded its limit.
+        ClusterGoneError : the cluster is gone.
+        RunTimeoutError : the run exceeded its deadline.
+        """
+        return self.cluster.wait_for_result(self)
+
+
+class Cluster:
+    """Runs units on the workers of a Dask scheduler, until a deadline by time.monotonic() if there is one."""
+
+    def __init__(self, client: Client, until: float | None = None, timeouts: Timeouts = DEFAULT_TIMEOUTS) -> None:
+        self._client, self._until, self._timeouts = client, until, timeouts
+        self._polling = threading.Lock()  # holds for the next three lines
+        self._workers: dict[str, dict[str, Any]] = {}
+        self._polled = -float("inf")
+        self._lost_since: float | None = None
+        self._suspects = threading.Lock()
+        self._reserved, self._released = 0, threading.Condition()
+        self._timed_out: set[str] = set()
+        client.subscribe_topic(LOG_TOPIC, self._handle_event)
 
     @property
     def memory(self) -> int:
         """Return the bytes that units on all workers may declare together."""
-        with self._changed:
-            return sum(worker.share for worker in self._registry.usable.values())
+        self._check()
+        limits = [worker["memory_limit"] or DEFAULT_WORKER_MEMORY for worker in self._workers.values()]
+        return sum(int(limit * UNITS_SHARE) for limit in limits)
 
     @property
     def threads(self) -> int:
         """Return the number of units that run at once."""
-        with self._changed:
-            return sum(worker.threads for worker in self._registry.usable.values())
+        self._check()
+        return sum(worker["nthreads"] for worker in self._workers.values())
 
     def submit(
-        self, function: Callable[..., R], *args: object, memory: int = 0, worker: str | None = None
+        self, function: Callable[..., R], *args: object, memory: int = 0, place: object = None
     ) -> ClusterUnit[R]:
-        """Submit a unit that takes `memory` bytes; if `worker` is a lease, to the worker that keeps its state."""
-        with self._changed:
-            unit = ClusterUnit(self, (function, *args), self._leases[worker].memory if worker else memory, worker)
-            self._begin(unit)
-        return unit
+        """Submit a unit that takes `memory` bytes, to the worker of a place unless that is busy or gone."""
+        return ClusterUnit(self, (function, *args), memory, place)
+
+    def submit_call(self, call: tuple[Callable[..., R], *tuple[object, ...]], place: object) -> Future[R]:
+        """Submit a function with its arguments to Dask."""
+        name = f"{getattr(call[0], '__name__', 'unit')}-{uuid4().hex}"
+        # of many tasks in one group Dask overlooks where their data is
+        key = name if place is None else (name, 0)
+        try:
+            return self._client.submit(run_on_worker, self._timeouts.unit, place, *call, key=key, pure=False)
+        except Exception as error:
+            if self._client.status == "running":
+                raise
+            raise ClusterGoneError from error
 
     def iterate_completed(self, started: Iterable[SubmittedUnit[R]]) -> Iterator[SubmittedUnit[R]]:
-        """Iterate over units as they complete, those whose workers died last.
-
-        A result leaves the cluster with the last reference to its unit.
-        """
-        # a cluster submits no other units than attempts
-        waiting = {unit.answer: unit for unit in cast(Iterable[ClusterUnit[R]], started)}
+        """Iterate over units as they complete, those whose workers died last."""
+        units = cast(list[ClusterUnit[R]], list(started))  # a cluster submits no others
         suspects = []
-        del started
-        for answer in as_completed(list(waiting)):
-            unit = waiting.pop(answer)
-            suspected = answer.exception() is None and answer.result() is None
-            del answer
-            if suspected:
+        ended: SimpleQueue[ClusterUnit[R]] = SimpleQueue()
+        for unit in units:
+            unit.future.add_done_callback(partial(_put, ended, unit))
+        count = len(units)
+        del started, units
+        for _ in range(count):
+            unit = self._take(ended)
+            if unit.is_suspect():
                 suspects.append(unit)
-                continue
-            yield unit
+            else:
+                yield unit
             del unit
         yield from suspects
 
-    def result(self, unit: ClusterUnit[R]) -> R:
-        """Wait for the result of a unit; submit the unit again if its workers died."""
+    def wait_for_result(self, unit: ClusterUnit[R]) -> R:
+        """Wait for the result of a unit; run the unit again by itself if its workers died."""
         with ExitStack() as alone:
-            while True:
-                future = unit.answer.result()
-                if future is not None and (ran := fetch_result(future)) is not None:
-                    seconds, result = ran
-                    self._deadlines.record(unit.stage, seconds)
-                    return result
-                if future is None and unit.alone:
+            for last in (False, True):
+                if not unit.future.done():
+                    ended: SimpleQueue[ClusterUnit[R]] = SimpleQueue()
+                    unit.future.add_done_callback(partial(_put, ended, unit))
+                    self._take(ended)
+                if not unit.is_suspect():
+                    break
+                if str(unit.future.key) in self._timed_out:
+                    raise UnitTimeoutError(
+                        f"it did not end within {self._timeouts.unit:.0f} s on any worker; "
+                        "leave out what it is made from, or look at what its workers wait for"
+                    )
+                if last:
                     raise WorkersDiedError(
                         f"each of the workers that ran it died; it had declared {unit.memory / 1e6:.0f} MB: give workers more "
                         "memory (--workers 1, or dask worker --memory-limit), or leave out the picture it is made from"
                     )
-                if future is None:  # what waits on a worker that dies is suspected with what ran
-                    alone.enter_context(self._suspects)
-                    unit.alone = True
-                unit.answer = Answer()
-                with self._changed:
-                    self._begin(unit)
+                alone.enter_context(self._suspects)
+                unit.start()
+            return self._fetch(unit.future)
 
     @contextmanager
-    def lease(self, memory: int, forget: ForgetCall | None = None) -> Iterator[str]:
-        """Lease one thread of a worker for a sequence of units that share a state of `memory` bytes; yields the lease's name.
+    def reserve_place(self) -> Iterator[object]:
+        """Reserve a thread of a worker for a sequence of units that share state; waits until one is free.
 
-        Waits for a free thread and free memory; a worker without a state takes one of any size. A lease whose
-        worker is lost waits
-        for room elsewhere.
-
-        Parameters
-        ----------
-        forget : function with its arguments that is called on every worker that the lease leaves.
+        The place is a future, which Dask keeps on a worker. Units that take it as an argument go there by data locality; if
+        that worker is lost, Dask makes the future elsewhere. A `workers=` that is not strict would serve as well, but leaves
+        units without a worker for ever once all workers were gone at once (distributed 2026.8).
         """
-        name, lease = f"lease {next(self._names)}", WorkerLease("", memory, forget)
-        with self._changed:
-            self._check()
-            while not self._leases.take(name, lease, self._registry.usable):
-                self._changed.wait(timeout=self._timeouts.poll_interval)
-                self._check()
+        with self._released:
+            while self._reserved >= self.threads:
+                self._released.wait(self._timeouts.poll_interval)
+            self._reserved += 1
         try:
-            yield name
+            yield self.submit_call((uuid4,), None)
         finally:
-            with self._changed:
-                self._units = {unit for unit in self._units if unit.lease != name}
-                self._forget(self._leases.end(name))
-                self._changed.notify_all()
+            with self._released:
+                self._reserved -= 1
+                self._released.notify()
 
-    # What follows is called with self._changed held.
+    def _take(self, ended: SimpleQueue[ClusterUnit[R]]) -> ClusterUnit[R]:
+        """Wait for the next unit that ended."""
+        while True:
+            self._check()
+            try:
+                return ended.get(timeout=self._timeouts.poll_interval)
+            except Empty:
+                continue
+
+    def _fetch(self, future: Future[R]) -> R:
+        """Fetch a result from the worker that has it; Dask runs the unit again if that worker is lost meanwhile."""
+        while True:
+            try:
+                return future.result(timeout=self._timeouts.silence)
+            except CancelledError as error:
+                if future.status == "finished":  # another one that was asked for in the same message
+                    continue
+                raise ClusterGoneError from error
+            except OSError as error:
+                if future.status == "error":
+                    raise
+                raise ClusterGoneError from error
 
     def _check(self) -> None:
-        if self._over is not None:
-            raise type(self._over)(*self._over.args)
+        """Raise if the run is over its deadline, or without a scheduler or a worker for too long."""
+        if self._until is not None and time.monotonic() > self._until:
+            raise RunTimeoutError(RUN_TIMEOUT_MESSAGE)
+        with self._polling:
+            if time.monotonic() - self._polled >= self._timeouts.poll_interval:
+                self._poll()
+                self._polled = time.monotonic()
 
-    def _begin(self, unit: ClusterUnit[object]) -> None:
-        self._check()
-        unit.deaths = 0
-        self._units.add(unit)
-        self._place(unit)
-
-    def _place(self, unit: ClusterUnit[object]) -> bool:
-        """Submit a unit to Dask; False if no worker has room until a later poll."""
-        usable = self._registry.usable
-        places = None if len(usable) == len(self._registry.view.workers) else frozenset(usable)
-        if unit.lease is not None:
-            lease = self._leases[unit.lease]
-            if lease.address not in usable and not self._move_lease(unit.lease, lease, usable):
-                return False
-            places = frozenset([lease.address])
-        if not usable:
-            return False
-        future = self._submit_call(unit.call, places, unit.stage)
-        if future is None:
-            return False
-        unit.copies[str(future.key)] = UnitSubmission(future, places)
-        future.add_done_callback(lambda ended: self._finish_copy(unit, ended))
-        return True
-
-    def _submit_call(
-        self, call: ForgetCall, places: frozenset[str] | None, name: str
-    ) -> Future[tuple[float, object]] | None:
-        place = {} if places is None else {"workers": sorted(places)}
+    def _poll(self) -> None:
+        if self._client.status != "running":
+            raise ClusterGoneError
         try:
-            return self._client.submit(run_timed_unit, *call, key=f"{name}-{uuid4()}", pure=False, **place)
-        except Exception as error:
-            if self._client.status == "running":
-                raise
-            self._end(cluster_gone_error(), error)
-            return None
-
-    def _move_lease(self, name: str, lease: WorkerLease, usable: dict[str, WorkerState]) -> bool:
-        left = WorkerLease(lease.address, lease.memory, lease.forget)
-        moved = self._leases.move(name, usable)
-        if moved:
-            self._forget(left)
-        return moved
-
-    def _forget(self, lease: WorkerLease) -> None:
-        """Remove the state of a lease from its worker, now or when that worker wakes."""
-        self._forget_calls = [future for future in self._forget_calls if not future.done()]
-        if lease.forget and lease.address in self._registry.view.workers and self._over is None:
-            future = self._submit_call(lease.forget, frozenset([lease.address]), "forget")
-            self._forget_calls += [future] if future is not None else []
-
-    def _settle(
-        self,
-        unit: ClusterUnit[object],
-        answer: Future[tuple[float, object]] | None = None,
-        error: FacadeError | None = None,
-    ) -> None:
-        """Set the answer of a unit and cancel its other copies; workers that run an overdue copy are restarted."""
-        self._units.discard(unit)
-        others, unit.copies = list(unit.copies.values()), {}
-        if error is not None:
-            unit.answer.set_exception(error)
-        else:
-            unit.answer.set_result(answer)
-        for copy in others:
-            copy.future.cancel()
-        stuck = {copy.address for copy in others if copy.overdue} & self._registry.view.workers.keys()
-        if workers := {address: self._registry.view.workers[address] for address in stuck if address}:
-            threading.Thread(target=restart_workers, args=(self._client, workers), daemon=True).start()
-
-    def _end(self, error: FacadeError, cause: BaseException | None = None) -> None:
-        """End the run: all waiting and later callers receive the error."""
-        if self._over is None:
-            error.__cause__ = cause
-            self._over = error
-            for unit in list(self._units):
-                self._units.discard(unit)
-                unit.answer.set_exception(type(error)(*error.args))
-            self._changed.notify_all()
-
-    def _finish_copy(self, unit: ClusterUnit[object], future: Future[tuple[float, object]]) -> None:
-        """Handle the end of a copy; called by Dask in a thread of its own, without locks."""
-        from distributed import KilledWorker
-
-        status = future.status
-        killed = status == "error" and isinstance(future.exception(), KilledWorker)
-        with self._changed:
-            copy = unit.copies.pop(str(future.key), None)
-            if copy is None or unit not in self._units:  # another was first
-                return
-            if killed and not unit.copies:
-                self._settle(unit)
-            elif status in ("finished", "error") and not killed:
-                self._registry.stuck.discard(copy.address or "")
-                self._settle(unit, future)
-            # else: its key was lost with its worker or the scheduler; the watcher sees which
-
-    def _watch(self) -> None:
-        last = answered = time.monotonic()
-        while not self._closed.wait(self._timeouts.poll_interval):
-            view = None
-            try:
-                view = self._look(self._client, self._timeouts.answer)
-                answered = time.monotonic()
-            except Exception as error:  # of many kinds, and what matters is whether there is a scheduler still
-                log.debug("the scheduler does not answer: %s", error)
-            if self._closed.is_set():
-                return
-            now = time.monotonic()
-            # what this process slept through is nobody's delay
-            awake, last = min(now - last, 2 * self._timeouts.poll_interval), now
-            with self._changed:
-                try:
-                    if self._client.status != "running" or now - answered > self._timeouts.silence:
-                        self._end(cluster_gone_error())
-                    elif self._until is not None and now > self._until:
-                        self._end(RunTimeoutError(OVERRUN_MESSAGE))
-                    elif view is not None:
-                        self._update(view, awake)
-                except Exception:
-                    log.exception("the watcher of the cluster failed")
-                    self._end(ClusterGoneError("the cluster cannot be watched; the log says why; run again"))
-                self._changed.notify_all()
-
-    def _update(self, view: SchedulerView, awake: float) -> None:
-        self._registry.update(view, awake)
-        if self._registry.empty > self._timeouts.empty:
-            self._end(ClusterGoneError(f"the Dask scheduler has no worker left; {START_WORKERS}"))
-        for unit in list(self._units):  # no name of the watcher itself: a unit keeps its result on the cluster
-            self._reconsider(unit, awake)
-
-    def _reconsider(self, unit: ClusterUnit[object], awake: float) -> None:
-        """Submit a unit again if its workers are gone or silent; try it elsewhere too if it is overdue."""
-        usable = self._registry.usable
-        limit = self._deadlines.limit(unit.stage)
-        for key, copy in list(unit.copies.items()):
-            copy.address = self._registry.view.assigned.get(key, copy.address)
-            places = (
-                frozenset([self._registry.view.assigned[key]])
-                if key in self._registry.view.assigned
-                else copy.allowed_workers
-            )
-            if places is not None and not places & self._registry.view.workers.keys():
-                del unit.copies[key]
-                copy.future.cancel()
-                unit.deaths += 1
-            elif places is not None and not places & usable.keys() and not copy.overdue and self._place(unit):
-                del unit.copies[key]  # it may have its turn when its worker wakes, and nobody will ask for it
-                copy.future.cancel()
-            elif key in self._registry.view.executing and copy.address in self._registry.view.workers:
-                copy.running_seconds += awake if copy.overdue or copy.address in usable else 0.0
-                if copy.running_seconds >= limit and not copy.overdue:
-                    copy.overdue = True
-                    self._registry.stuck.add(copy.address)
-        if unit.deaths > MAX_WORKER_DEATHS and not unit.copies:
-            self._settle(unit)
-        elif not unit.copies:
-            self._place(unit)
-        elif all(copy.overdue for copy in unit.copies.values()):
-            self._handle_overdue(unit, limit)
-
-    def _handle_overdue(self, unit: ClusterUnit[object], limit: float) -> None:
-        longest = max(copy.running_seconds for copy in unit.copies.values())
-        if len(unit.copies) == 1 and longest < 2 * limit:
-            if self._place(unit):
-                log.warning("%s takes longer than %.0f s; it is tried on another worker too", unit.stage, limit)
+            timeout = min(30.0, self._timeouts.silence)
+            identity = cast(Any, self._client.scheduler).identity
+            answer = self._client.sync(identity, n_workers=-1, callback_timeout=timeout)
+        except Exception as error:  # of many kinds, and what matters is whether there is a scheduler still
+            log.debug("the scheduler does not answer: %s", error)
+            if self._lost_for() > self._timeouts.silence:
+                raise ClusterGoneError from error
             return
-        said = f"it did not end within {longest:.0f} s, where {limit:.0f} are given to each of its kind"
-        self._settle(
-            unit,
-            error=UnitTimeoutError(f"{said}; leave out what it is made from, or look at what its workers wait for"),
-        )
+        self._workers = answer["workers"]
+        if self._workers:
+            self._lost_since = None
+        elif self._lost_for() > self._timeouts.empty:
+            raise ClusterGoneError(
+                "the Dask scheduler has no worker left; start some (`dask worker ADDRESS`) and run again"
+            )
+
+    def _lost_for(self) -> float:
+        """Return the seconds since the first poll that found no scheduler or no worker."""
+        now = time.monotonic()
+        self._lost_since = now if self._lost_since is None else self._lost_since
+        return now - self._lost_since
+
+    def _handle_event(self, event: tuple[float, tuple[str, str]]) -> None:
+        """Log a line of a worker, with the key of the unit that exceeded its limit there, if any."""
+        line, key = event[1]
+        log.warning("%s", line)
+        self._timed_out.add(key)
 
 
-def cluster_gone_error() -> ClusterGoneError:
-    """Build the error for a cluster that went away."""
-    return ClusterGoneError("the Dask cluster went away; run again to go on from here")
+def _put(queue: SimpleQueue[ClusterUnit[R]], unit: ClusterUnit[R], future: object) -> None:
+    queue.put(unit)

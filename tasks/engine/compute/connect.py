@@ -5,30 +5,22 @@ from __future__ import annotations
 import logging
 import os
 import signal
-import threading
-import time
+import socket
 import uuid
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
-from queue import Empty, Queue
-from typing import TYPE_CHECKING, Generic, TypeVar
+from typing import TYPE_CHECKING
 
 from catalogs.published.s3 import folder_at
-from facade_core.core.errors import InputError, MachineError
-from tasks.engine.compute.attempts import SubmittedUnit
-from tasks.engine.compute.cluster import OVERRUN_MESSAGE, Cluster, ClusterGoneError, RunTimeoutError
-from tasks.engine.compute.leases import ForgetCall
-from tasks.engine.compute.scheduler_view import UNITS_SHARE
-from tasks.engine.compute.timeouts import DEFAULT_TIMEOUTS, Timeouts
+from facade_core.core.errors import InputError
+from tasks.engine.compute.cluster import DEFAULT_TIMEOUTS, Cluster, ClusterGoneError, Timeouts
+from tasks.engine.compute.serial import SerialCompute
 from tasks.engine.compute.worker_setup import (
-    LOG_TOPIC,
     ONE_THREAD,
     diff_environment,
     environment_versions,
     inspect_worker,
     limit_threads,
-    run_unit,
     worker_plugin_remover,
     worker_setup_plugin,
 )
@@ -38,9 +30,6 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-R = TypeVar("R")
-R_co = TypeVar("R_co", covariant=True)
-
 # Where Dask reads what TLS needs.
 TLS = "DASK_DISTRIBUTED__COMM__TLS__CA_FILE, ..__TLS__CLIENT__CERT and ..__TLS__CLIENT__KEY"
 # Settings of Dask in a process that starts workers or connects to them.
@@ -49,6 +38,7 @@ _DASK_SETTINGS = {
     "distributed.admin.tick.limit": "60s",
     "distributed.admin.large-graph-warning-threshold": "1 GiB",  # runs of rays take the block's geometry along
     "distributed.scheduler.allowed-failures": 1,  # a suspect is run once more by itself
+    "distributed.scheduler.worker-ttl": "60s",  # a worker without a heartbeat is restarted within twice that time
     # a local cluster forgets a worker whose nanny takes longer to start it anew than this
     "distributed.deploy.lost-worker-timeout": "1 day",
     # without Dask's MALLOC_TRIM_THRESHOLD_, which has every array of a viewpoint mapped anew: a tenth of its time
@@ -61,73 +51,6 @@ _DASK_SETTINGS = {
 START_SCHEDULER = (
     "start one with `dask scheduler` and `dask worker ADDRESS`, or leave --dask out to use local processes"
 )
-
-
-@dataclass(frozen=True, eq=False)
-class DeferredUnit(Generic[R_co]):
-    """A unit that runs when its result is asked for."""
-
-    function: Callable[..., R_co]
-    arguments: tuple[object, ...]
-    serial: SerialCompute
-
-    def result(self) -> R_co:
-        """Run the unit in this process and return its result."""
-        with self.serial.lock:
-            self.serial.require_open()
-            return run_unit(self.function, *self.arguments)
-
-
-class SerialCompute:
-    """Runs each unit in this process, one at a time, when its result is requested."""
-
-    threads = 1
-
-    def __init__(self, until: float | None = None) -> None:
-        import psutil
-
-        self._until = until
-        self.memory = int(psutil.virtual_memory().available * UNITS_SHARE)
-        self.lock = threading.RLock()
-        self._leases = threading.Lock()
-        self._open = True
-
-    def submit(
-        self, function: Callable[..., R], *args: object, memory: int = 0, worker: str | None = None
-    ) -> DeferredUnit[R]:
-        """Defer a unit until its result is requested; `memory` and `worker` have no effect."""
-        if self._until is not None and time.monotonic() > self._until:
-            raise RunTimeoutError(OVERRUN_MESSAGE)
-        return DeferredUnit(function, args, self)
-
-    def iterate_completed(self, started: Iterable[SubmittedUnit[R]]) -> Iterator[SubmittedUnit[R]]:
-        """Iterate over the units in order.
-
-        No other starts until the next is requested: each is committed before the next one.
-        """
-        for unit in started:
-            with self.lock:
-                yield unit
-
-    @contextmanager
-    def lease(self, memory: int, forget: ForgetCall | None = None) -> Iterator[str]:
-        """Lease this process for a sequence of units that share state; `forget`, a function with its arguments, releases it."""
-        with self._leases:
-            self.require_open()
-            try:
-                yield "serial"
-            finally:
-                if forget:
-                    run_unit(*forget)
-
-    def close(self) -> None:
-        """Start no more units: the run ends, and its threads may still wait for their turn."""
-        self._open = False
-
-    def require_open(self) -> None:
-        """Raise MachineError if the run has ended."""
-        if not self._open:
-            raise MachineError("the run has ended")
 
 
 Compute = SerialCompute | Cluster
@@ -165,22 +88,21 @@ def connect(
             serial.close()
         return
     import dask as dask_module
-    from distributed import Client
 
     # what a unit raises comes back to its task, which says it better
     for name in ("distributed", "distributed.client"):  # Dask gives the second a level of its own
         logging.getLogger(name).setLevel(logging.CRITICAL)
-    with dask_module.config.set(_DASK_SETTINGS):
-        if dask is not None:
-            with _connect_client(dask, timeouts) as client:
-                _check_workers(client, dask, folder, versions())
-                with _cluster_context(client, until, timeouts) as compute:
-                    yield compute
-            return
-        with _start_local_cluster(workers) as cluster, Client(cluster) as client:
-            client.register_plugin(worker_setup_plugin(), name="streetloom")
-            with _cluster_context(client, until, timeouts) as compute:
-                yield compute
+    if dask is None:
+        with _start_local_client(workers) as client:
+            yield Cluster(client, until, timeouts)
+        return
+    with dask_module.config.set(_DASK_SETTINGS), _connect_client(dask, timeouts) as client:
+        _check_workers(client, dask, folder, asked := versions())
+        cluster = Cluster(client, until, timeouts)
+        name = f"streetloom {client.id}"  # of this run alone: another one on the same scheduler has its own
+        client.register_plugin(worker_plugin_remover(client.id, name), name=name)
+        client.register_plugin(worker_setup_plugin(asked), name=name)
+        yield cluster
 
 
 @contextmanager
@@ -191,25 +113,18 @@ def start_shared_workers(workers: int) -> Iterator[str]:
     ------
     ClusterGoneError : they do not start.
     """
-    import dask as dask_module
-    from distributed import Client
-
-    with (
-        dask_module.config.set(_DASK_SETTINGS),
-        _start_local_cluster(workers) as cluster,
-        Client(cluster) as client,
-    ):
-        client.register_plugin(worker_setup_plugin(), name="streetloom")
-        yield cluster.scheduler_address
+    with _start_local_client(workers) as client:
+        yield str(client.scheduler_info()["address"])
 
 
 @contextmanager
-def _cluster_context(client: Client, until: float | None, patience: Timeouts) -> Iterator[Cluster]:
-    cluster = Cluster(client, until, timeouts=patience)
-    try:
-        yield cluster
-    finally:
-        cluster.close()
+def _start_local_client(workers: int) -> Iterator[Client]:
+    import dask as dask_module
+    from distributed import Client
+
+    with dask_module.config.set(_DASK_SETTINGS), _start_local_cluster(workers) as cluster, Client(cluster) as client:
+        client.register_plugin(worker_setup_plugin(), name="streetloom")
+        yield client
 
 
 def _track_quietly() -> None:
@@ -267,57 +182,39 @@ def _start_local_cluster(workers: int) -> LocalCluster:
 
 
 def require_scheduler(address: str, within: float = DEFAULT_TIMEOUTS.connect) -> None:
-    """Check that a scheduler listens, within so many seconds; a Dask client takes long to find that there is none.
+    """Check that a port listens within so many seconds; a Dask client takes long to find that there is none.
 
     Raises
     ------
-    InputError : none answers.
+    InputError : none listens.
     """
+    from distributed.comm.addressing import parse_address, parse_host_port
     from distributed.security import Security
 
-    arguments = Security().get_connection_args("client")
-    if address.startswith("tls:") and not arguments.get("ssl_context"):
+    if address.startswith("tls:") and not Security().get_connection_args("client").get("ssl_context"):
         raise InputError(f"--dask {address}: a certificate is needed; name its files by {TLS}")
-    answer: Queue[Exception | None] = Queue()
-    threading.Thread(target=_greet, args=(address, arguments, answer, within), daemon=True).start()
-    try:
-        error: Exception | None = answer.get(timeout=within)
-    except Empty:
-        error = TimeoutError(f"no answer in {within:g} s")
-    if error is not None:
-        raise InputError(f"--dask {address}: no scheduler answers there; {START_SCHEDULER}") from error
-
-
-def _greet(address: str, arguments: dict[str, object], answer: Queue[Exception | None], within: float) -> None:
-    import asyncio
-    import socket
-
-    from distributed.comm.addressing import parse_address, parse_host_port
-    from distributed.comm.core import connect as greet
-
-    async def hello() -> None:
-        (await greet(address, **arguments)).abort()
-
     try:
         scheme, place = parse_address(address)
         if scheme not in ("tcp", "tls"):
             raise ValueError(f"not a Dask address: {address!r}")
         socket.create_connection(parse_host_port(place), timeout=within).close()
-        asyncio.run(hello())
-        answer.put(None)
-    except Exception as error:  # what does not speak Dask is met with errors of every kind
-        answer.put(error)
+    except (ValueError, OSError, OverflowError) as error:
+        raise InputError(f"--dask {address}: no scheduler answers there; {START_SCHEDULER}") from error
 
 
 @contextmanager
-def _connect_client(address: str, patience: Timeouts) -> Iterator[Client]:
+def _connect_client(address: str, timeouts: Timeouts) -> Iterator[Client]:
     from distributed import Client
 
-    require_scheduler(address, patience.connect)
-    with Client(address, timeout=patience.first_worker) as client:
+    require_scheduler(address, timeouts.connect)
+    try:
+        client = Client(address, timeout=timeouts.connect)
+    except Exception as error:  # what does not speak Dask is met with errors of every kind
+        raise InputError(f"--dask {address}: no scheduler answers there; {START_SCHEDULER}") from error
+    with client:
         try:
-            client.wait_for_workers(1, timeout=patience.first_worker)
-        except (TimeoutError, OSError) as error:
+            client.wait_for_workers(1, timeout=timeouts.first_worker)
+        except OSError as error:
             raise InputError(f"--dask {address}: the scheduler has no worker; {START_SCHEDULER}") from error
         yield client
 
@@ -353,7 +250,3 @@ def _check_workers(client: Client, address: str, folder: str, wanted: dict[str, 
                 f"--dask {address}: worker {worker} does not see {folder}, or cannot write there; "
                 "name a folder with --out that all workers share, or a bucket that their environment leads to"
             )
-    client.subscribe_topic(LOG_TOPIC, lambda event: log.warning("%s", event[1]))
-    name = f"streetloom {client.id}"  # of this run alone: another one on the same scheduler has its own
-    client.register_plugin(worker_plugin_remover(client.id, name), name=name)
-    client.register_plugin(worker_setup_plugin(wanted), name=name)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from typing import TypeVar
 
-from tasks.engine.compute.attempts import SubmittedUnit
+from tasks.engine.compute.cluster import SubmittedUnit
 from tasks.engine.compute.connect import Compute
 from tasks.engine.context import current_worker_name
 from tasks.engine.progress import begin_stage, report_progress

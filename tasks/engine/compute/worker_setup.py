@@ -63,11 +63,29 @@ def run_unit(function: Callable[..., R], *arguments: object) -> R:
         raise
 
 
-def run_timed_unit(function: Callable[..., R], *arguments: object) -> tuple[float, R]:
-    """Run a unit and return its duration in seconds with its result."""
-    start = time.perf_counter()
-    result = run_unit(function, *arguments)
-    return time.perf_counter() - start, result
+def run_on_worker(limit_s: float, place: object, function: Callable[..., R], *arguments: object) -> R:
+    """Run a unit on a Dask worker, which exits after `limit_s`; `place` only chooses the worker.
+
+    Dask has no limit for a task, and no thread can be ended. A worker that does not release Python's lock to the timer sends
+    no heartbeat either, so that its scheduler restarts it after `worker-ttl`.
+    """
+    from distributed import get_worker
+
+    worker = get_worker()
+    timer = threading.Timer(limit_s, _exit_worker, (worker, str(worker.get_current_task()), limit_s))
+    timer.daemon = True
+    timer.start()
+    try:
+        return run_unit(function, *arguments)
+    finally:
+        timer.cancel()
+
+
+def _exit_worker(worker: Worker, key: str, limit_s: float) -> None:
+    line = f"worker {worker.name} at {worker.address} did not end a unit within {limit_s:.0f} s; it exits"
+    worker.log_event(LOG_TOPIC, (line, key))
+    time.sleep(1)  # the event is on its way
+    os._exit(1)
 
 
 def limit_threads() -> None:
@@ -97,7 +115,7 @@ def worker_setup_plugin(asked: dict[str, str] | None = None) -> WorkerPlugin:
         async def setup(self, worker: Worker) -> None:
             if asked is not None and (said := diff_environment(asked, environment_versions())):
                 line = f"worker {worker.name} at {worker.address} {said}; it is not used"
-                worker.log_event(LOG_TOPIC, line)
+                worker.log_event(LOG_TOPIC, (line, ""))
                 logging.getLogger("distributed.worker").error(line)
                 worker.status = Status.closing_gracefully  # it takes no unit
                 # once it has started: its nanny, which is to end too, does not listen before

@@ -38,7 +38,7 @@ from tasks.stages.streets.keys import street_keys
 from tasks.stages.streets.record import StreetRecord, ViewpointRecord
 from tasks.stages.streets.redo import street_read_write_chunks
 from tasks.stages.streets.tags import street_commit_tag
-from tasks.stages.streets.worker import forget_street, process_viewpoints, write_street_texels
+from tasks.stages.streets.worker import process_viewpoints, write_street_texels
 
 
 def record_partial_run(run: Run, partial: bool) -> None:
@@ -85,7 +85,8 @@ def find_finished_streets(
 def texture_street(run: Run, street: int, title: str, memory: int, compute: Compute) -> UnitOutcomeCounts:
     """Texture the pending viewpoints of a street, about a second of work per commit, then its texels in one tagged commit.
 
-    One worker keeps the street's state of `memory` bytes; if it is lost, another rebuilds the state from the panoramas.
+    Units go to the worker that keeps the street's state of `memory` bytes. Another worker rebuilds the state from the
+    panoramas.
     """
     plan = load_run_plan(run)
     session = open_repository(run.store).readonly_session(BRANCH)
@@ -107,15 +108,12 @@ def texture_street(run: Run, street: int, title: str, memory: int, compute: Comp
     at = ""
     commits: list[float] = []
     try:
-        with (
-            compute.lease(memory, (forget_street, run, street, street_key)) as worker,
-            _claim_chunks(run, name, reads, writes),
-        ):
+        with compute.reserve_place() as place, _claim_chunks(run, name, reads, writes):
             while due:
                 at = f"viewpoint {due[0]}"
                 session, fork = fork_store(run.store)
                 fork, made = compute.submit(
-                    process_viewpoints, run, fork, street, due, street_key, worker=worker
+                    process_viewpoints, run, fork, street, due, street_key, memory=memory, place=place
                 ).result()
                 records = {
                     own[k]: cast(ViewpointRecord, {**record, "unit": f"{name}/{k}", "key": keys[k], "status": "done"})
@@ -133,7 +131,7 @@ def texture_street(run: Run, street: int, title: str, memory: int, compute: Comp
             at = "end of the street"
             session, fork = fork_store(run.store)
             fork, result = compute.submit(
-                write_street_texels, run, fork, street, len(own), street_key, worker=worker
+                write_street_texels, run, fork, street, len(own), street_key, memory=memory, place=place
             ).result()
             own_fields = {"unit": name, "key": street_key, "status": "done", "wave": wave, "commits": commits}
             record = cast(StreetRecord, {**result, **own_fields, "chain": found.chain})

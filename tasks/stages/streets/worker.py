@@ -26,7 +26,7 @@ from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.surfaces import paint_visible_texels
 from facade_core.street.translator import neural_translator
 from facade_core.street.translator.translators import MaterialFieldTranslator, Translator
-from tasks.engine.context import current_worker_name, load_run_plan
+from tasks.engine.context import current_worker_name, current_worker_threads, load_run_plan
 from tasks.engine.run import Run
 from tasks.stages.shared.materials import grain_tables_from_pictures, roof_material
 from tasks.stages.streets.panoramas import is_panorama_in_report, read_base_layer, render_field_panorama
@@ -80,7 +80,8 @@ COMMIT_INTERVAL_S = 1.0
 
 # A street of a run, by its key.
 _Street = tuple[Run, int, str]
-# One entry per street under way in this process; dropped when its worker is to forget it, or when a unit of another run comes.
+# One entry per street under way in this process, the newest last; dropped at the street's end, when a unit of another run
+# comes, or as the oldest where there are more than threads.
 # While a unit works on a window its own mark stands there: a second copy of a unit, come back to a worker whose first one was
 # late, must not blend into the same window, and what a unit leaves that failed is not gone on from.
 _streets: dict[_Street, _Progress | object] = {}
@@ -171,6 +172,8 @@ def write_street_texels(
     here = load_street_worker_context(run)
     group = open_root(fork)
     window = _take_buffer((run, street, street_key), here, group, steps)[0].window
+    with _taking:
+        _streets.pop((run, street, street_key), None)
     scene = here.plan.scene
     rasters = TexelLayout.of_charts(scene.placement, window.writable)
     if here.field is None:
@@ -217,11 +220,6 @@ def _written_by_later(plan: Plan, group: StoreGroup, street: int, charts: Int64A
     return np.isin(charts, held)
 
 
-def forget_street(run: Run, street: int, street_key: str) -> None:
-    """Release what this process keeps of a street."""
-    _streets.pop((run, street, street_key), None)
-
-
 def _take_buffer(
     entry: _Street, here: StreetWorkerContext, group: StoreGroup, step: int | None
 ) -> tuple[_Progress, object]:
@@ -230,11 +228,14 @@ def _take_buffer(
     Also returns the mark that is stored in its place. With a material field the panoramas of other streets are left out: only
     the end of the street needs them.
     """
-    for other in [held for held in list(_streets) if held[0] != entry[0]]:
-        _streets.pop(other, None)
     mark = object()
     with _taking:
-        held, _streets[entry] = _streets.get(entry), mark
+        for other in [held for held in _streets if held[0] != entry[0]]:
+            del _streets[other]
+        held = _streets.pop(entry, None)
+        _streets[entry] = mark
+        for oldest in list(_streets)[: -current_worker_threads()]:
+            del _streets[oldest]
     if not isinstance(held, _Progress) or step not in (None, held.done):
         steps = step or 0
         if here.field is None:

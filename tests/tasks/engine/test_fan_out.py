@@ -21,7 +21,8 @@ from hypothesis import strategies as st
 from facade_core.core.errors import FacadeError
 from tasks.engine import fan_out
 from tasks.engine.compute.cluster import ClusterGoneError
-from tasks.engine.compute.connect import SerialCompute, connect
+from tasks.engine.compute.connect import connect
+from tasks.engine.compute.serial import SerialCompute
 from tasks.engine.fan_out import BATCHES_AT_ONCE, MAX_BATCH_PIECES, make_batches, process_batch, unit_group_memory
 from tasks.engine.outcome import error_reason
 from tasks.engine.pending import PendingUnits

@@ -9,9 +9,8 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import cloudpickle
@@ -20,10 +19,8 @@ from distributed import LocalCluster
 
 from facade_core.core.errors import InputError
 from tasks.engine.compute import connect as compute
-from tasks.engine.compute.cluster import Cluster, ClusterGoneError, RunTimeoutError, WorkersDiedError
+from tasks.engine.compute.cluster import Cluster, ClusterGoneError, RunTimeoutError, Timeouts, WorkersDiedError
 from tasks.engine.compute.connect import connect
-from tasks.engine.compute.scheduler_view import SchedulerView, WorkerState
-from tasks.engine.compute.timeouts import Timeouts
 from tests.pipeline.runs import ROOT, environment
 
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
@@ -127,100 +124,104 @@ def test_serial_units_of_two_tasks_take_turns_with_their_commits() -> None:
     assert all(commit == unit.replace("unit", "commit") for unit, commit in zip(events[::2], events[1::2], strict=True))
 
 
-class Machines:
-    """A scheduler that says what workers it has: name -> (threads, bytes)."""
+class FakeClient:
+    """A client of a scheduler with some workers: name -> (threads, bytes)."""
 
     status = "running"
+    scheduler = SimpleNamespace(identity=None)
 
     def __init__(self, **workers: tuple[int, int]) -> None:
         self.workers = workers
         self.silent = False
 
-    def look(self, client: object, timeout: float) -> SchedulerView:
+    def subscribe_topic(self, topic: str, handler: object) -> None:
+        pass
+
+    def sync(self, function: object, **keys: object) -> dict[str, Any]:
         if self.silent:
             raise TimeoutError
         named = self.workers.items()
-        return SchedulerView(
-            {n: WorkerState(n, threads, memory, last_seen=time.monotonic()) for n, (threads, memory) in named}
-        )
+        return {"workers": {name: {"nthreads": n, "memory_limit": limit} for name, (n, limit) in named}}
+
+    def submit(self, *arguments: object, **keys: object) -> object:
+        if self.status == "running":
+            return SimpleNamespace(done=lambda: False, add_done_callback=lambda function: None)
+        raise ValueError("the client is closed")
 
 
-@contextmanager
-def watched(machines: Machines, until: float | None = None, **patience: float) -> Iterator[Cluster]:
-    client: Any = machines
-    made = Cluster(client, until, poll=machines.look, timeouts=Timeouts(poll_interval=0.05, **patience))
-    try:
-        yield made
-    finally:
-        made.close()
+def make_cluster(client: Any, until: float | None = None, **timeouts: float) -> Cluster:
+    return Cluster(client, until, Timeouts(poll_interval=0.05, **timeouts))
 
 
-def holder(leases: Cluster, memory: int, held: dict[str, None], let_go: threading.Event) -> threading.Thread:
+def start_holder(cluster: Cluster, holders: list[int], end: threading.Event) -> threading.Thread:
     def hold() -> None:
-        with leases.lease(memory) as name:
-            held[name] = None
-            let_go.wait(300)
+        with cluster.reserve_place():
+            holders.append(1)
+            end.wait(300)
 
     thread = threading.Thread(target=hold)
     thread.start()
     return thread
 
 
-def settle(held: dict[str, None], count: int) -> bool:
+def settles_at(holders: list[int], count: int) -> bool:
     deadline = time.monotonic() + 120
-    while len(held) < count and time.monotonic() < deadline:
+    while len(holders) < count and time.monotonic() < deadline:
         time.sleep(0.01)
-    time.sleep(0.1)
-    return len(held) == count
+    time.sleep(0.2)
+    return len(holders) == count
 
 
-def test_leases_wait_for_a_thread_and_take_a_worker_that_joins() -> None:
-    machines = Machines(one=(1, 10**9), two=(2, 10**9))
-    with watched(machines) as leases:
-        held: dict[str, None] = {}
-        events = [threading.Event() for _ in range(5)]
-        holders = [holder(leases, 10, held, event) for event in events[:3]]
-        assert settle(held, 3)
-        holders += [holder(leases, 10, held, event) for event in events[3:]]
-        assert settle(held, 3)  # no thread is free
-        machines.workers["late"] = (1, 10**9)
-        assert settle(held, 4)
-        events[0].set()
-        assert settle(held, 5)
-        for event in events:
-            event.set()
-        for thread in holders:
-            thread.join(60)
-            assert not thread.is_alive()
+def test_sequences_wait_for_a_thread_and_use_a_worker_that_joins() -> None:
+    client = FakeClient(one=(1, 10**9), two=(2, 10**9))
+    cluster = make_cluster(client)
+    holders: list[int] = []
+    events = [threading.Event() for _ in range(5)]
+    threads = [start_holder(cluster, holders, event) for event in events[:3]]
+    assert settles_at(holders, 3)
+    threads += [start_holder(cluster, holders, event) for event in events[3:]]
+    assert settles_at(holders, 3)  # no thread is free
+    client.workers["late"] = (1, 10**9)
+    assert settles_at(holders, 4)
+    events[0].set()
+    assert settles_at(holders, 5)
+    for event in events:
+        event.set()
+    for thread in threads:
+        thread.join(60)
+        assert not thread.is_alive()
 
 
-def test_a_cluster_without_workers_is_not_waited_for_for_ever() -> None:
-    machines = Machines()
-    with watched(machines, empty=0.2) as empty:
-        with pytest.raises(ClusterGoneError, match="no worker left; start some"), empty.lease(1):
-            pass
-        with pytest.raises(ClusterGoneError, match="no worker left"):
-            empty.submit(square, 1)
-    machines.status = "connecting"
-    with watched(machines) as gone, pytest.raises(ClusterGoneError, match="went away; run again"), gone.lease(1):
+def test_a_cluster_without_workers_is_given_up() -> None:
+    cluster = make_cluster(FakeClient(), empty=0.2)
+    with pytest.raises(ClusterGoneError, match="no worker left; start some"), cluster.reserve_place():
         pass
+    with pytest.raises(ClusterGoneError, match="no worker left"):
+        cluster.submit(square, 1).result()
+
+
+def test_a_client_that_lost_its_scheduler_ends_the_run() -> None:
+    client = FakeClient(one=(1, 10**9))
+    cluster = make_cluster(client)
+    client.status = "connecting"
+    with pytest.raises(ClusterGoneError, match="went away; run again"), cluster.reserve_place():
+        pass
+    with pytest.raises(ClusterGoneError, match="went away; run again"):
+        cluster.submit(square, 1)
 
 
 def test_a_scheduler_that_does_not_answer_is_given_up() -> None:
-    machines = Machines()
-    with watched(machines, silence=0.2) as made:
-        machines.silent = True
-        with pytest.raises(ClusterGoneError, match="went away"), made.lease(1):
-            pass
+    client = FakeClient(one=(1, 10**9))
+    cluster = make_cluster(client, silence=0.2)
+    client.silent = True
+    with pytest.raises(ClusterGoneError, match="went away"):
+        cluster.submit(square, 1).result()
 
 
-def test_a_run_ends_at_its_time() -> None:
-    with (
-        watched(Machines(), until=time.monotonic()) as made,
-        pytest.raises(RunTimeoutError, match="longer than its deadline; run again"),
-        made.lease(1),
-    ):
-        pass
+def test_a_run_ends_at_its_deadline() -> None:
+    cluster = make_cluster(FakeClient(one=(1, 10**9)), until=time.monotonic() + 0.2)
+    with pytest.raises(RunTimeoutError, match="longer than its deadline; run again"):
+        cluster.submit(square, 1).result()
     with pytest.raises(RunTimeoutError):
         compute.SerialCompute(until=time.monotonic()).submit(square, 1)
 
@@ -283,7 +284,7 @@ def test_what_is_no_scheduler_is_refused(what: str, request: pytest.FixtureReque
     address = request.getfixturevalue(what)
     with (
         pytest.raises(InputError, match="no scheduler answers there"),
-        connect(1, address, str(tmp_path), timeouts=Timeouts(connect=1, first_worker=10_000)),
+        connect(1, address, str(tmp_path), timeouts=Timeouts(connect=1)),
     ):
         pass
 

@@ -14,8 +14,8 @@ from distributed import Client, LocalCluster
 from distributed.security import Security
 
 from facade_core.core.errors import InputError
+from tasks.engine.compute.cluster import Timeouts
 from tasks.engine.compute.connect import connect, require_scheduler
-from tasks.engine.compute.timeouts import Timeouts
 from tasks.engine.stage_code import VERSION
 from tests.pipeline.runs import ROOT
 

@@ -16,7 +16,7 @@ from facade_core.atlas.journal import clear_record, read_journal
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
 from facade_core.core.errors import StoreError
 from facade_core.street.propagation.blend import blend_views
-from tasks.engine.compute.connect import SerialCompute
+from tasks.engine.compute.serial import SerialCompute
 from tasks.engine.context import load_run_plan
 from tasks.engine.run import Run
 from tasks.engine.run_key import create_run
