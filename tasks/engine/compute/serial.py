@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import AbstractContextManager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
@@ -63,9 +63,12 @@ class SerialCompute:
             with self.lock:
                 yield unit
 
-    def reserve_place(self) -> AbstractContextManager[object]:
+    @contextmanager
+    def reserve_place(self) -> Iterator[None]:
         """Reserve this process for a sequence of units that share state."""
-        return self._sequences
+        with self._sequences:
+            self.require_open()
+            yield
 
     def close(self) -> None:
         """Start no more units: the run ends, and its threads may still wait for their turn."""

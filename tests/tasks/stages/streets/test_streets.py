@@ -73,12 +73,12 @@ def fail(*arguments: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("what", "where"), [("process_viewpoints", "viewpoint 0"), ("write_street_texels", "end of the street")]
+    ("what", "where"), [("_process_viewpoint", "viewpoint 0"), ("write_rasters", "end of the street")]
 )
 def test_a_failure_names_what_failed_and_leaves_no_window(
     ready: Run, monkeypatch: pytest.MonkeyPatch, what: str, where: str
 ) -> None:
-    monkeypatch.setattr(task, what, fail)
+    monkeypatch.setattr(viewpoint, what, fail)
     ((_, reason),) = texture_street.fn(ready, 0, "1", 0, SerialCompute()).failed
     assert reason.startswith(f"{where}: stopped by an error of its own (ValueError: it does not work); mend or remove")
     assert not viewpoint._streets
@@ -100,7 +100,7 @@ def test_two_copies_of_a_viewpoint_in_one_process_do_not_share_a_window(
 
     one()
     alone = kept()
-    viewpoint.forget_street(ready, 0, "key")
+    viewpoint._streets.clear()
     both, see = threading.Barrier(2), viewpoint.mark_first_visible
 
     windows: list[Any] = []
@@ -118,8 +118,14 @@ def test_two_copies_of_a_viewpoint_in_one_process_do_not_share_a_window(
         copy.join()
     assert windows[0] is not windows[1]
     assert all(np.array_equal(a, b) for a, b in zip(alone, kept(), strict=True))
-    viewpoint.forget_street(ready, 0, "key")
-    assert not viewpoint._streets
+    viewpoint._take_buffer(
+        (ready, 0, "other"),
+        viewpoint.load_street_worker_context(ready),
+        open_root(open_repository(ready.store).readonly_session(BRANCH)),
+        0,
+    )
+    assert [key for _, _, key in viewpoint._streets] == ["other"]  # a thread keeps one
+    viewpoint._streets.clear()
 
 
 def test_a_viewpoint_that_failed_on_a_street_that_stands_is_done_by_the_next_run(
