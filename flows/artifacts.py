@@ -31,7 +31,7 @@ from facade_core.core.json_types import JsonObject
 from flows.markdown import escape_markdown, escape_row, markdown_code
 from flows.viewer import VIEWER_HOST, VIEWER_PORT
 from tasks.city.city_log import BlockResult, CityLog
-from tasks.engine.compute.commands import DEADLINE_EXIT_CODE
+from tasks.engine.commands import DEADLINE_EXIT_CODE
 from tasks.engine.progress import add_listener
 from tasks.engine.run import Run
 from tasks.engine.store.commits import read_newest_journal

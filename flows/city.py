@@ -42,7 +42,7 @@ from tasks.city.city_log import (
 )
 from tasks.city.city_products import write_city_products
 from tasks.city.source_digests import block_code_version
-from tasks.engine.compute.commands import DEADLINE_EXIT_CODE
+from tasks.engine.commands import DEADLINE_EXIT_CODE
 from tasks.engine.compute.connect import start_shared_workers
 
 MAX_CONCURRENT_BLOCKS = 64

@@ -11,7 +11,7 @@ from flows.city_options import CityOptions
 from flows.console import format_duration
 from tasks.city.block_process import block_output_path
 from tasks.city.city_log import CityLog
-from tasks.engine.compute.commands import read_newest_line
+from tasks.engine.commands import read_newest_line
 
 # Longest silence in seconds.
 PROGRESS_INTERVAL_S = 20.0

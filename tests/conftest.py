@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
-from tasks.engine.compute.kernel_compilation import compile_kernels_once
 from tasks.engine.compute.worker_setup import limit_threads
+from tasks.engine.kernel_compilation import compile_kernels_once
 from tasks.publish.published_run import PublishedBlock, open_published_run
 from tests.chromium import browser as browser  # one for all: Playwright is started once in a process
 from tests.pipeline import stages

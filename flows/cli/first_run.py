@@ -16,7 +16,7 @@ MAX_BLOCK_FACADES = 2500
 
 def note_first_run() -> None:
     """Print a notice where the kernels of the present code are still to be compiled on this machine."""
-    from tasks.engine.compute.kernel_compilation import has_compiled_kernels
+    from tasks.engine.kernel_compilation import has_compiled_kernels
 
     if not has_compiled_kernels():
         print_notice("compiling kernels, first run only: about a minute")

@@ -14,7 +14,7 @@ from catalogs.published.folders import Folder
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
 from flows.lock import is_locked
-from tasks.engine.compute.commands import read_newest_line, run_command
+from tasks.engine.commands import read_newest_line, run_command
 
 
 class BackgroundRun:

@@ -16,7 +16,7 @@ from catalogs.published.folders import Folder, local_run_folder
 from catalogs.published.snapshot import find_current_snapshot
 from facade_core.core.json_types import JsonObject
 from tasks.city.city_log import BLOCKS_FOLDER, BlockResult, block_tileset_path
-from tasks.engine.compute.commands import DEADLINE_EXIT_CODE, run_command
+from tasks.engine.commands import DEADLINE_EXIT_CODE, run_command
 
 log = logging.getLogger(__name__)
 

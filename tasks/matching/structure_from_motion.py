@@ -23,7 +23,7 @@ from facade_core.core.arrays import Float64Array, Int32Array, UInt8Array
 from facade_core.core.errors import InputError
 from facade_core.core.types import Lens
 from facade_core.imagery.poses.photo_pairs import choose_pairs
-from tasks.engine.compute.child_processes import end_with_parent
+from tasks.engine.child_processes import end_with_parent
 from tasks.engine.outcome import error_reason
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.matching.settings import MATCHING

@@ -21,7 +21,7 @@ from facade_core.core.json_types import JsonObject
 from tasks.city.city_log import BLOCKS_FOLDER, BlockResult, read_city_log
 from tasks.city.places import BlockPlace, main_streets, ring_around
 from tasks.city.source_digests import block_code_version
-from tasks.engine.compute.commands import DEADLINE_EXIT_CODE
+from tasks.engine.commands import DEADLINE_EXIT_CODE
 from tasks.viewing.run_view import RunReader, RunView
 
 BlockState: TypeAlias = Literal["done", "running", "failed", "stale", "waiting"]

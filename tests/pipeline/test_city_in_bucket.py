@@ -31,7 +31,7 @@ from flows.city_options import CityOptions
 from flows.cli.commands import command_line
 from flows.lock import is_locked
 from tasks.city import block_process
-from tasks.engine.compute.commands import DEADLINE_EXIT_CODE, CommandResult, run_command
+from tasks.engine.commands import DEADLINE_EXIT_CODE, CommandResult, run_command
 from tasks.export.formats import export_run
 from tasks.viewing.city_view import CityReader
 from tasks.viewing.find import find_in_city

@@ -71,7 +71,7 @@ def connect(
     Parameters
     ----------
     folder : folder that units write to; every worker must see it.
-    until : deadline by time.monotonic(); running units then end with RunOverran, in this process at the end of the unit.
+    until : deadline by time.monotonic(); units then raise RunTimeoutError, in this process those that have not begun.
     timeouts : limits for the scheduler, its workers and units.
     versions : returns the environment of this process, which workers must share.
 
@@ -127,52 +127,36 @@ def _start_local_client(workers: int) -> Iterator[Client]:
         yield client
 
 
-def _track_quietly() -> None:
-    """Start Python's resource tracker without its warning on semaphores, which Ctrl-C would print."""
+@contextmanager
+def _prepare_for_children() -> Iterator[None]:
+    """Keep what Ctrl-C in a terminal, which reaches every process of its group, would print from child processes.
+
+    SIGINT is blocked in threads started meanwhile, and so in their processes from the first instruction on: a worker that
+    imports its modules would print where it was. Python's resource tracker starts without its warning on semaphores.
+    """
     from multiprocessing import resource_tracker
 
-    stated = os.environ.get("PYTHONWARNINGS")
-    quiet = "ignore:resource_tracker:UserWarning"
-    os.environ["PYTHONWARNINGS"] = f"{stated},{quiet}" if stated else quiet
+    filters = os.environ.get("PYTHONWARNINGS", "")
+    os.environ["PYTHONWARNINGS"] = f"{filters},ignore:resource_tracker:UserWarning".removeprefix(",")
+    signals = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         resource_tracker.ensure_running()
-    finally:
-        if stated is None:
-            del os.environ["PYTHONWARNINGS"]
-        else:
-            os.environ["PYTHONWARNINGS"] = stated
-
-
-@contextmanager
-def _block_interrupts() -> Iterator[None]:
-    """Block SIGINT in threads started meanwhile, and so in their processes, from the first instruction on.
-
-    Ctrl-C in a terminal reaches every process of its group. Workers end with the run, in silence; one that still imports
-    its modules would print where it was.
-    """
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
+        os.environ["PYTHONWARNINGS"] = filters
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, signals)
 
 
 def _start_local_cluster(workers: int) -> LocalCluster:
-    """Start local processes; tries again once if one dies. Raises ClusterGone."""
+    """Start local processes; tries again once if one dies. Raises ClusterGoneError."""
     from distributed import LocalCluster
 
-    _track_quietly()
+    place = {"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0", "threads_per_worker": 1}
     cause: Exception | None = None
     for _ in range(2):
         try:
-            with _block_interrupts():
-                return LocalCluster(
-                    n_workers=workers,
-                    threads_per_worker=1,
-                    host="127.0.0.1",
-                    dashboard_address="127.0.0.1:0",
-                    silence_logs=logging.CRITICAL,
-                )
+            with _prepare_for_children():
+                return LocalCluster(n_workers=workers, silence_logs=logging.CRITICAL, **place)
         except Exception as error:
             log.warning("local workers do not start: %s", error)
             cause = error

@@ -28,18 +28,22 @@ def map_on_workers(compute: Future[Compute], function: Callable[[Sequence[T]], l
     begin_stage("rays", len(items))
     workers = compute.result()
     length = max(MIN_RUN_ITEMS, -(-len(items) // (RUNS_PER_THREAD * max(1, workers.threads))))
-    waiting = deque(range(0, len(items), length))
     runs: deque[SubmittedUnit[tuple[list[R], dict[str, object]]]] = deque()
     found: list[R] = []
-    while waiting or runs:
-        # each takes the block's geometry along: no more on their way than keep the workers busy
-        while waiting and len(runs) < AHEAD * max(1, workers.threads):
-            first = waiting.popleft()
-            runs.append(workers.submit(_timed_call, function, items[first : first + length]))
-        made, about = runs.popleft().result()
-        found += made
-        report_progress("rays", len(made))
+
+    def collect() -> None:
+        results, about = runs.popleft().result()
+        found.extend(results)
+        report_progress("rays", len(results))
         log.debug("rays for %d of %d", len(found), len(items), extra={"stage": "ingest", **about})
+
+    for first in range(0, len(items), length):
+        # each takes the block's geometry along: no more on their way than keep the workers busy
+        if len(runs) >= AHEAD * max(1, workers.threads):
+            collect()
+        runs.append(workers.submit(_timed_call, function, items[first : first + length]))
+    while runs:
+        collect()
     return found
 
 

@@ -28,13 +28,7 @@ ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", 
 
 # Packages whose versions are named where they differ.
 REPORTED_LIBRARIES = (
-    "numpy",
-    "scipy",
-    "opencv-python-headless",
-    "scikit-image",
-    "scikit-learn",
-    "pillow",
-    "onnxruntime",
+    *("numpy", "scipy", "opencv-python-headless", "scikit-image", "scikit-learn", "pillow", "onnxruntime"),
     "open3d-cpu",
 )
 # Where workers say what the run should hear.
@@ -174,7 +168,7 @@ def _import_workers() -> None:
     import skimage.measure  # noqa: F401
     import xarray  # noqa: F401
 
-    from tasks.engine.compute.kernel_compilation import compile_kernels_once
+    from tasks.engine.kernel_compilation import compile_kernels_once
     from tasks.engine.stage import all_stages
     from tasks.engine.stage_code import worker_module
 

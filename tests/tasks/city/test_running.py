@@ -10,7 +10,7 @@ import pytest
 
 from tasks.city.block_process import MACHINE_EXIT_CODE, run_block
 from tasks.city.city_log import BlockResult
-from tasks.engine.compute.commands import DEADLINE_EXIT_CODE, TERMINATION_TIMEOUT_S
+from tasks.engine.commands import DEADLINE_EXIT_CODE, TERMINATION_TIMEOUT_S
 
 
 def ended(folder: Path, ends: float | None = None) -> BlockResult:

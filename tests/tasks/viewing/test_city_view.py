@@ -22,7 +22,7 @@ from flows.viewer import city_pages
 from flows.viewer.city_pages import MAX_OPEN_RUNS, OpenBlocks
 from tasks.city.city_log import BlockResult, write_block_result
 from tasks.city.places import BlockPlace, main_streets, ring_around
-from tasks.engine.compute.commands import DEADLINE_EXIT_CODE
+from tasks.engine.commands import DEADLINE_EXIT_CODE
 from tasks.viewing import city_view
 from tasks.viewing.city_view import CityReader
 from tasks.viewing.find import MAX_FOUND, find_in_city

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
-from tasks.engine.compute.child_processes import end_with_parent
+from tasks.engine.child_processes import end_with_parent
 
 # Exit code of sysexits.h for failures that another try may not have; a command whose time is up has it.
 DEADLINE_EXIT_CODE = 75

@@ -11,7 +11,7 @@ import pytest
 
 from facade_core import kernel_warmup
 from facade_core.core import numba_cache
-from tasks.engine.compute.kernel_compilation import compile_kernels_once
+from tasks.engine.kernel_compilation import compile_kernels_once
 
 
 @pytest.fixture
