@@ -31,6 +31,16 @@ def multiply_matrices(left: ArrayLike, right: ArrayLike) -> Float64Array:
     return product
 
 
+def dot_product(left: Float64Array, right: Float64Array) -> float:
+    """Return the product of two vectors (k,), as `@` does."""
+    return float((left * right).sum())
+
+
+def vector_length(vector: Float64Array) -> float:
+    """Return the length of a vector (k,), as `np.linalg.norm` does."""
+    return float(np.sqrt((vector * vector).sum()))
+
+
 def solve_least_squares(matrix: Float64Array, right: Float64Array) -> Float64Array:
     """Return the (k, m) solution of an overdetermined system (n, k) of full rank with right sides (n, m).
 

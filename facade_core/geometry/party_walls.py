@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float64Array
+from facade_core.core.fixed_order import multiply_matrices
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.settings import PARTY_WALLS, PartyWallSettings
@@ -42,4 +43,4 @@ def _hits_back_face(scene: Scene, points: Float64Array, direction: Float64Array)
     if not len(points):
         return np.zeros(0, bool)
     depth, hit = scene.caster.cast(points, np.broadcast_to(direction, points.shape))
-    return np.isfinite(depth) & (scene.charts.normals()[hit] @ direction > 0)
+    return np.isfinite(depth) & (multiply_matrices(scene.charts.normals()[hit], direction) > 0)

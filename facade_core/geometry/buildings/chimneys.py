@@ -9,6 +9,7 @@ import shapely
 from shapely import Polygon
 
 from facade_core.core.arrays import Float64Array
+from facade_core.core.fixed_order import dot_product
 from facade_core.geometry.buildings.facets import Facets
 from facade_core.geometry.buildings.roof_details import RoofDetail, RoofDetailBuilder
 from facade_core.geometry.buildings.settings import CHIMNEYS, ChimneySettings
@@ -86,7 +87,7 @@ def _roof_heights(roof: Facets, places: Float64Array) -> Float64Array:
     for place, triangle in zip(*tree.query(shapely.points(places), predicate="intersects"), strict=True):
         normal = roof.normal[roof.facet[upper][triangle]]
         first = corners[triangle, 0]
-        height = first[2] - normal[:2] @ (places[place] - first[:2]) / normal[2]
+        height = first[2] - dot_product(normal[:2], places[place] - first[:2]) / normal[2]
         found[place] = np.fmax(found[place], height)
     return found
 

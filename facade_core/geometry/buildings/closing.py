@@ -6,6 +6,7 @@ import numpy as np
 import shapely
 
 from facade_core.core.arrays import BoolArray, Float64Array, Int64Array
+from facade_core.core.fixed_order import multiply_matrices
 from facade_core.geometry.buildings.curtains import Curtain, curtains_below_edges
 from facade_core.geometry.buildings.facets import Facets
 from facade_core.geometry.buildings.settings import CLOSING, FACETS, ClosingSettings
@@ -91,13 +92,13 @@ def _outward(curtain: Curtain) -> Float64Array:
 def _has_wall(curtain: Curtain, facets: Facets, settings: ClosingSettings) -> bool:
     """Return whether most of a curtain has a wall in its place, or a parallel one closely behind it."""
     outward = _outward(curtain)
-    cosine = (facets.normal @ outward)[facets.facet]
+    cosine = multiply_matrices(facets.normal, outward)[facets.facet]
     is_wall = (facets.kind[facets.facet] == ChartKind.WALL) & (np.abs(cosine) > settings.min_parallel_cosine)
     corners, cosine = facets.vertices[facets.triangles[is_wall]], cosine[is_wall]
-    behind = -((corners[..., :2] - curtain.origin) @ outward[:2])
+    behind = -multiply_matrices(corners[..., :2] - curtain.origin, outward[:2])
     reach = np.where(cosine > 0, settings.max_overhang_m, settings.max_joint_m)
     corners = corners[((behind > -settings.max_joint_m) & (behind < reach[:, None])).all(axis=1)]
-    along = (corners[..., :2] - curtain.origin) @ curtain.along
+    along = multiply_matrices(corners[..., :2] - curtain.origin, curtain.along)
     flat = np.stack([along, corners[..., 2] - curtain.base], axis=-1)
     # an overhang's edge is below the top of the wall behind it, or not far above
     flat[..., 1] += np.where(flat[..., 1] > flat[..., 1].min(axis=1, keepdims=True), settings.max_overhang_m, 0.0)
@@ -114,7 +115,8 @@ def _curtain_facets(curtains: list[Curtain]) -> Facets:
         outward = _outward(curtain)
         world = curtain.points(flat.reshape(-1, 2)).reshape(-1, 3, 3)
         area = np.cross(world[:, 1] - world[:, 0], world[:, 2] - world[:, 0])
-        world[area @ outward < 0] = world[area @ outward < 0][:, ::-1]
+        is_turned = multiply_matrices(area, outward) < 0
+        world[is_turned] = world[is_turned][:, ::-1]
         points.append(world)
         facet += [number] * len(world)
         normal.append(outward)

@@ -10,6 +10,7 @@ import shapely
 from shapely import Polygon
 
 from facade_core.core.arrays import Float64Array
+from facade_core.core.fixed_order import dot_product
 from facade_core.geometry.buildings.settings import CURTAINS, CurtainSettings
 
 Edge = tuple[Float64Array, Float64Array]
@@ -66,7 +67,7 @@ def _group_collinear_edges(edges: Sequence[Edge], settings: CurtainSettings) -> 
         for own in lines:
             start, run = own[0][0][:2], (own[0][1] - own[0][0])[:2]
             across = np.array([-run[1], run[0]]) / np.hypot(*run)
-            if all(abs((end[:2] - start) @ across) < settings.max_off_line_m for end in edge):
+            if all(abs(dot_product(end[:2] - start, across)) < settings.max_off_line_m for end in edge):
                 own.append(edge)
                 break
         else:
@@ -80,7 +81,10 @@ def _curtains_on_line(edges: Sequence[Edge], base: float, settings: CurtainSetti
     along = along / np.hypot(*along)
     below: dict[bool, list[Polygon]] = {True: [], False: []}
     for start, end in edges:
-        (x0, x1), (z0, z1) = ((p[:2] - origin) @ along for p in (start, end)), (start[2] - base, end[2] - base)
+        (x0, x1), (z0, z1) = (
+            (dot_product(p[:2] - origin, along) for p in (start, end)),
+            (start[2] - base, end[2] - base),
+        )
         if abs(x1 - x0) > settings.grid_m:
             below[x1 > x0].append(Polygon([(x0, z0), (x1, z1), (x1, 0.0), (x0, 0.0)]))
     walls = {way: shapely.union_all(own, grid_size=settings.grid_m) for way, own in below.items()}

@@ -11,6 +11,7 @@ import numpy as np
 from shapely import Polygon
 
 from facade_core.core.arrays import Float64Array, Int64Array
+from facade_core.core.fixed_order import dot_product
 from facade_core.geometry.buildings.facets import Facets
 from facade_core.geometry.buildings.roof_details import RoofDetail, RoofDetailBuilder, triangle_normal
 from facade_core.geometry.buildings.roof_edges import (
@@ -160,7 +161,7 @@ def _outer_ends(
             right = _outer_corner(edge, edges[edge.following] if edge.following >= 0 else None, edge.end, settings)
             ends.append((left, right))
         short = [
-            bool((right - left)[:2] @ edge.direction < ROOF_EDGES.max_touch_m)
+            bool(dot_product((right - left)[:2], edge.direction) < ROOF_EDGES.max_touch_m)
             for edge, (left, right) in zip(edges, ends, strict=True)
         ]
         if not any(short):
@@ -191,9 +192,11 @@ def _is_mitred(one: RoofEdge, other: RoofEdge, settings: EavesSettings) -> bool:
 def mitre_offset(one: RoofEdge, other: RoofEdge, settings: EavesSettings = EAVES) -> Float64Array | None:
     """Return the offset (2,) from the corner of two edges to the corner of their outer edges; None where it is too long."""
     system = np.array([one.outward, other.outward])
-    if abs(np.linalg.det(system)) < 0.05:
-        return (one.outward * (one.width + other.width) / 2) if one.outward @ other.outward > 0 else None
-    found = np.linalg.solve(system, [one.width, other.width])
+    (a, b), (c, d) = system
+    determinant = a * d - b * c
+    if abs(determinant) < 0.05:
+        return (one.outward * (one.width + other.width) / 2) if dot_product(one.outward, other.outward) > 0 else None
+    found = np.array([d * one.width - b * other.width, a * other.width - c * one.width]) / determinant
     return found if np.hypot(*found) <= settings.max_mitre_ratio * max(abs(one.width), abs(other.width)) else None
 
 
@@ -213,7 +216,11 @@ def _step_outwards(edge: RoofEdge, corner: Float64Array, step: Float64Array, set
     run = edge.end - edge.start
     climb = run[2] / np.hypot(*run[:2])
     outer: Float64Array = corner + np.array(
-        [*step, climb * (step @ edge.direction) - _overhang_slope(edge, settings) * (step @ edge.outward)]
+        [
+            *step,
+            climb * dot_product(step, edge.direction)
+            - _overhang_slope(edge, settings) * dot_product(step, edge.outward),
+        ]
     )
     return outer
 

@@ -13,6 +13,7 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from facade_core.core.arrays import Float64Array
+from facade_core.core.fixed_order import multiply_matrices
 from facade_core.geometry.buildings.facets import Facets
 from facade_core.geometry.buildings.passages import (
     PassageOpening,
@@ -217,7 +218,7 @@ def _add_opened_wall(
 def _distances_on_edge(start: Float64Array, along: Float64Array, length: float, points: Float64Array) -> Float64Array:
     """Return the ascending distances along an edge of the points (k, 2) on it, without its ends."""
     offset = points - start
-    step = offset @ along
+    step = multiply_matrices(offset, along)
     off = np.abs(offset[:, 0] * along[1] - offset[:, 1] * along[0])
     return np.unique(
         np.round(

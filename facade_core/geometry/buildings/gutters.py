@@ -8,6 +8,7 @@ from hashlib import blake2b
 import numpy as np
 
 from facade_core.core.arrays import Float64Array
+from facade_core.core.fixed_order import dot_product
 from facade_core.geometry.buildings.eaves import Overhang, mitre_offset
 from facade_core.geometry.buildings.roof_details import RoofDetail, RoofDetailBuilder
 from facade_core.geometry.buildings.roof_edges import RoofEdge
@@ -64,7 +65,7 @@ def _add_trough(
     """Add the gutter along an eave; `adjacent` are the eaves before and after it whose gutters it meets, -1 at a free end."""
     edge, ends = overhang.edges[number], overhang.ends[number]
     sides = [_section_corners(overhang, number, other, after, settings) for after, other in enumerate(adjacent)]
-    if (sides[1][0] - sides[0][0])[:2] @ edge.direction < 4 * settings.taper_m:
+    if dot_product((sides[1][0] - sides[0][0])[:2], edge.direction) < 4 * settings.taper_m:
         return
     (rim0, belly0, back0, in0), (rim1, belly1, back1, in1) = sides
     outer_faces = [[belly0, belly1, rim1, rim0], [back0, back1, belly1, belly0]]

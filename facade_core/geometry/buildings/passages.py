@@ -12,6 +12,7 @@ import shapely
 from shapely import MultiPolygon, Polygon
 
 from facade_core.core.arrays import Float64Array
+from facade_core.core.fixed_order import dot_product
 from facade_core.core.types import MIN_PASSAGE_HEIGHT_M, MIN_WALL_OVER_PASSAGE_M, Building
 from facade_core.geometry.buildings.settings import PASSAGES, PassageSettings
 from facade_core.geometry.ground.settings import TERRAIN
@@ -107,7 +108,7 @@ def wall_openings(
     for opening in openings:
         for a, b in polygon_edges(opening.area):
             if shapely.distance(edge, shapely.points([a, (a + b) / 2, b])).max() < settings.on_wall_m:
-                left, right = (_snap(float((point - start) @ along), length, settings) for point in (a, b))
+                left, right = (_snap(dot_product(point - start, along), length, settings) for point in (a, b))
                 if right - left > settings.on_wall_m:
                     found.append(WallOpening(left, right, opening.ceiling))
     return found

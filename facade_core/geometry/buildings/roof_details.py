@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from facade_core.core.arrays import Float64Array
+from facade_core.core.fixed_order import dot_product, vector_length
 from facade_core.geometry.buildings.facets import Facets
 
 
@@ -49,8 +50,8 @@ class RoofDetailBuilder:
         total = sum(
             (np.cross(b - a, c - a) for corners in polygons for a, b, c in _fan_triangles(corners)), start=np.zeros(3)
         )
-        total -= (total @ along) / (along @ along) * along
-        self._add(kind, polygons, along, total / np.linalg.norm(total))
+        total -= dot_product(total, along) / dot_product(along, along) * along
+        self._add(kind, polygons, along, total / vector_length(total))
 
     def _add(self, kind: int, polygons: list[list[Float64Array]], along: Float64Array, normal: Float64Array) -> None:
         self._kinds.append(kind)
@@ -60,7 +61,7 @@ class RoofDetailBuilder:
 
     def build(self) -> RoofDetail:
         """Return the detail, longest facets first, so that shorter ones share their chunks."""
-        order = np.argsort([-np.linalg.norm(own[0][1] - own[0][0]) for own in self._polygons], kind="stable").tolist()
+        order = np.argsort([-vector_length(own[0][1] - own[0][0]) for own in self._polygons], kind="stable").tolist()
         vertices: list[Float64Array] = []
         triangles: list[tuple[int, int, int]] = []
         facet: list[int] = []
@@ -92,4 +93,4 @@ def _fan_triangles(corners: list[Float64Array]) -> list[tuple[Float64Array, Floa
 def triangle_normal(a: Float64Array, b: Float64Array, c: Float64Array) -> Float64Array:
     """Return the unit normal (3,) of a counter-clockwise triangle with corners (3,)."""
     normal = np.cross(b - a, c - a)
-    return normal / np.linalg.norm(normal)
+    return normal / vector_length(normal)

@@ -11,6 +11,7 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from facade_core.core.arrays import Float64Array, Int64Array
+from facade_core.core.fixed_order import dot_product, multiply_matrices, vector_length
 from facade_core.geometry.buildings.facets import Facets
 from facade_core.geometry.buildings.settings import ROOF_EDGES, RoofEdgeSettings
 from facade_core.geometry.charts import ChartKind
@@ -68,7 +69,7 @@ class RoofSurroundings(NamedTuple):
         if not len(self.street_points):
             return True
         towards = self.street_points - place
-        ahead = (towards @ out > 1.0) & (np.hypot(*towards.T) < ROOF_EDGES.max_sight_m)
+        ahead = (multiply_matrices(towards, out) > 1.0) & (np.hypot(*towards.T) < ROOF_EDGES.max_sight_m)
         near = towards[ahead][np.argsort(np.hypot(*towards[ahead].T), kind="stable")[: ROOF_EDGES.max_sight_lines]]
         sights = shapely.linestrings(
             np.stack(np.broadcast_arrays(place + ROOF_EDGES.neighbour_clearance_m * out, place + near), axis=1)
@@ -100,7 +101,7 @@ def roof_edges(roof: Facets, outline: Polygon, settings: RoofEdgeSettings = ROOF
         first, last = int(ends[run[0], 0]), int(ends[run[-1], 1])
         edge = RoofEdge(roof.vertices[first], roof.vertices[last], int(facet[run[0]]), 0.0, 0.0)
         normal = roof.normal[edge.facet]
-        fall = float(normal[:2] @ edge.outward / normal[2])
+        fall = float(dot_product(normal[:2], edge.outward) / normal[2])
         edges.append(edge._replace(slope=fall, previous=closes.get(first, -1), following=begins.get(last, -1)))
     return edges
 
@@ -129,7 +130,7 @@ def _straight_runs(roof: Facets, ends: Int64Array, facet: Int64Array) -> list[li
 
     def is_in_line(one: int, other: int) -> bool:
         first, second = (roof.vertices[ends[e, 1]] - roof.vertices[ends[e, 0]] for e in (one, other))
-        straight = first @ second > (1 - 1e-6) * np.linalg.norm(first) * np.linalg.norm(second)
+        straight = dot_product(first, second) > (1 - 1e-6) * vector_length(first) * vector_length(second)
         return bool(facet[one] == facet[other] and straight)
 
     for begin in range(len(ends)):
@@ -165,7 +166,7 @@ def cut_free_roof_edges(
         free = [(0.0, length)]
         for part in shapely.get_parts(beside):
             if part.area > 1e-4:
-                steps = (shapely.get_coordinates(part) - a) @ edge.direction
+                steps = multiply_matrices(shapely.get_coordinates(part) - a, edge.direction)
                 low, high = float(steps.min()), float(steps.max())
                 if high > settings.max_touch_m and low < length - settings.max_touch_m:
                     free = [

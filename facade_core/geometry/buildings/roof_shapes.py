@@ -11,6 +11,7 @@ from shapely import LineString, MultiPolygon, Polygon
 
 from facade_core.core.arrays import Float64Array, ObjectArray
 from facade_core.core.errors import GeometryError
+from facade_core.core.fixed_order import dot_product, multiply_matrices
 from facade_core.core.types import SEMANTICS, Building, BuildingShell, Roof
 from facade_core.geometry.buildings import straight_skeleton
 from facade_core.geometry.buildings.settings import ROOF_SHAPES, SKELETON, RoofShapeSettings
@@ -70,7 +71,9 @@ def build_shell_with_roof(
         return None
 
     def rise(xy: Float64Array) -> Float64Array:
-        rise: Float64Array = np.maximum(((xy - centre) @ planes[:, :2].T + planes[:, 2]).min(axis=1), 0.0)
+        rise: Float64Array = np.maximum(
+            (multiply_matrices(xy - centre, planes[:, :2].T) + planes[:, 2]).min(axis=1), 0.0
+        )
         return rise
 
     return _shell(_plane_regions(footprint, planes, centre, settings), rise, footprint, base, eaves, settings)
@@ -170,7 +173,10 @@ def _extend_gables(outline: Polygon, footprint: Polygon, settings: RoofShapeSett
             continue
         out = settings.gable_extension * length[edge] * np.array([along[edge, 1], -along[edge, 0]])
         # the adjacent sides are extended in their own directions, so that their slopes continue
-        left, right = (way * (out @ out) / (way @ out) for way in (along[edge - 1], along[(edge + 1) % len(ring)]))
+        left, right = (
+            way * dot_product(out, out) / dot_product(way, out)
+            for way in (along[edge - 1], along[(edge + 1) % len(ring)])
+        )
         added = Polygon([a, b, b + right, a + left])
         if added.is_valid and outline.intersection(added).area < 1e-3:
             grown = shapely.union_all([drawn_out, added], grid_size=settings.grid_m)
@@ -190,14 +196,14 @@ def _rectangle_planes(
             if roof.direction is None
             else np.array([np.sin(np.radians(roof.direction)), np.cos(np.radians(roof.direction))])
         )
-        reach = corners @ fall
+        reach = multiply_matrices(corners, fall)
         single_plane: Float64Array = np.array([[*(-fall), reach.max()]]) * height / np.ptp(reach)
         return single_plane
 
     def side(normal: Float64Array, half: float, rise: float, run: float, start: float = 0.0) -> Float64Array:
         """Return the plane over the side towards `normal`: `start` at the side, `rise` more after `run` metres inwards."""
         slope = rise / run
-        return np.array([*(-slope * normal), start + slope * (half + middle @ normal)])
+        return np.array([*(-slope * normal), start + slope * (half + dot_product(middle, normal))])
 
     eaves = [(across, half_across, half_across), (-across, half_across, half_across)]
     # hips are as steep as the sides, but leave a ridge on a roof across
@@ -311,7 +317,7 @@ def _ridge(planes: Float64Array, i: int, j: int, reach: float, settings: RoofSha
     foot, ahead = -normal * difference[2] / size, np.array([-normal[1], normal[0]])
     # every other plane is above at foot + t ahead where start + t slope >= 0
     others = np.delete(planes, [i, j], axis=0) - planes[i]
-    start, slope = others[:, :2] @ foot + others[:, 2], others[:, :2] @ ahead
+    start, slope = multiply_matrices(others[:, :2], foot) + others[:, 2], multiply_matrices(others[:, :2], ahead)
     if (start[np.abs(slope) < 1e-9] < -1e-9).any():
         return None
     grows, falls = slope >= 1e-9, slope <= -1e-9

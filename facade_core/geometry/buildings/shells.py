@@ -9,6 +9,7 @@ import shapely
 from shapely import MultiPolygon, Polygon
 
 from facade_core.core.arrays import Float64Array
+from facade_core.core.fixed_order import multiply_matrices
 from facade_core.core.types import Building, BuildingShell
 from facade_core.geometry.buildings.facets import Facets
 from facade_core.geometry.buildings.settings import FACETS, NEIGHBOURS, SHELLS, ShellSettings
@@ -153,7 +154,7 @@ def add_skirt_charts(
     a, b = ends[foot, 0], ends[foot, 1]
     drop = np.maximum(gap[foot], 0)
     for share in (0.25, 0.5, 0.75):  # uneven ground may be lower between the ends
-        between = a + share * (b - a) - np.array([0, 0, 1]) * (drop @ [1 - share, share])[:, None]
+        between = a + share * (b - a) - np.array([0, 0, 1]) * multiply_matrices(drop, [1 - share, share])[:, None]
         drop += np.maximum(between[:, 2] - terrain.interpolate(between[:, :2]), 0)[:, None]
     low = [p - drop[:, k : k + 1] * [0, 0, 1] for k, p in enumerate((a, b))]
     order = np.argsort(facet[foot], kind="stable")

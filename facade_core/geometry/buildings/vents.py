@@ -11,6 +11,7 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from facade_core.core.arrays import Float64Array
+from facade_core.core.fixed_order import multiply_matrices
 from facade_core.geometry.buildings.facets import Facets
 from facade_core.geometry.buildings.roof_details import RoofDetail, RoofDetailBuilder
 from facade_core.geometry.buildings.roof_edges import RoofEdge, RoofSurroundings, cut_free_roof_edges, roof_edges
@@ -153,7 +154,7 @@ def _is_in_sight(
     """Return whether the top of a vent is seen over the roof's edge from a street in front."""
     if not len(surroundings.street_points):
         return True
-    away = (surroundings.street_points - middle) @ edge.outward - behind
+    away = multiply_matrices(surroundings.street_points - middle, edge.outward) - behind
     near = away[(away > 1.0) & (np.hypot(*(surroundings.street_points - middle).T) < ROOF_EDGES.max_sight_m)]
     lip = 0.0 if edge.slope else EAVES.parapet_m
     seen = behind * edge.slope + settings.visible_top * rise - lip

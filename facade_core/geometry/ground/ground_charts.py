@@ -11,6 +11,7 @@ import shapely
 from shapely import Polygon
 
 from facade_core.core.arrays import Float64Array, Int64Array
+from facade_core.core.fixed_order import multiply_matrices, solve_least_squares, vector_length
 from facade_core.geometry.charts import ChartBuilder, ChartKind, SurfaceTarget, chart_axes_right_down
 from facade_core.geometry.cutting import cut_polygon_on_grid
 from facade_core.geometry.ground.settings import GROUND_CHARTS, GroundChartSettings
@@ -128,11 +129,11 @@ def _drape_piece(part: Polygon, terrain: Terrain) -> _DrapedPiece:
     samples = np.concatenate([points, samples[shapely.contains_xy(part, samples)]])
     heights = terrain.interpolate(samples)
     system = np.column_stack([samples - points[0], np.ones(len(samples))])
-    plane = np.linalg.lstsq(system, heights, rcond=None)[0]
-    off = float(np.abs(system @ plane - heights).max())
+    plane = solve_least_squares(system, heights[:, None])[:, 0]
+    off = float(np.abs(multiply_matrices(system, plane) - heights).max())
     normal = np.array([-plane[0], -plane[1], 1.0])
     vertices = np.column_stack([points, heights[: len(points)]])
-    return vertices, index.reshape(-1, 3), normal / np.linalg.norm(normal), off
+    return vertices, index.reshape(-1, 3), normal / vector_length(normal), off
 
 
 def add_horizontal_surface(target: SurfaceTarget, kind: int, polygon: Polygon, z: float) -> None:
