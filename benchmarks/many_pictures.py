@@ -182,7 +182,7 @@ def refine(block_file: Path) -> dict[str, Any]:
     run = replace(run, ingested=ingest_block.fn(run, block).ingested)
     seconds = {"ingest": round(time.monotonic() - begun, 1)}
     for stage in STAGES_IN_ORDER:
-        if stage.stage in STAGES and stage.function is not None:
+        if stage.stage in STAGES and stage.inputs is not None:
             start = time.monotonic()
             due = find_pending_units(run, block, stage)
             process_batch.fn(run, stage.stage, "1", stage.function, due.pieces, SerialCompute())

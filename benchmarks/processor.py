@@ -76,7 +76,7 @@ def measured(out: Path, block_file: Path | None, until: str | None, every: int, 
     run = replace(run, ingested=outline.ingested)
     for kind in STAGES_IN_ORDER:
         clock.stage = kind.stage
-        if kind.units is not None and kind.function is not None:
+        if kind.inputs is not None:
             due = clock.run("keys", find_pending_units, run, block, kind)
             for piece in due.pieces[::every]:
                 clock.run("commits", process_batch.fn, run, kind.stage, "1", kind.function, [piece], compute)

@@ -125,7 +125,7 @@ def measure_seconds(data: Path, cases: Sequence[PhotoCase], repeats: int) -> dic
             size, seconds = (round(height * share), round(width * share)), []
             for _ in range(repeats + 1):  # the first compiles
                 counts[0], start = 0, time.process_time()
-                evidence = read_evidence("photo", cast(Plan, None), 0, size, imagery, (), [])
+                evidence = read_evidence("photo", cast(Plan, None), 0, size, imagery, {}, [])
                 assert evidence is not None
                 build_facade_from_photo(evidence)
                 seconds.append(time.process_time() - start)

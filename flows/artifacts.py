@@ -35,7 +35,16 @@ from tasks.engine.commands import DEADLINE_EXIT_CODE
 from tasks.engine.progress import add_listener
 from tasks.engine.run import Run
 from tasks.engine.store.commits import read_newest_journal
-from tasks.stages.order import STAGE_NAMES, STAGES_IN_ORDER
+from tasks.stages.order import (
+    EXEMPLARS,
+    FACADES,
+    PAGES,
+    PICTURES,
+    STAGE_NAMES,
+    SURFACES,
+    TILES,
+    VIEWPOINTS,
+)
 
 log = logging.getLogger(__name__)
 
@@ -60,7 +69,8 @@ FACADE_COLUMNS = (
     "layout_score",
 )
 # Stages with equal shares of the progress: the number of units of a stage is known only when it begins.
-STAGES_OF_EVERY_RUN = {"ingest", "publish"} | {kind.stage for kind in STAGES_IN_ORDER if kind.in_every_block}
+_EVERY = (EXEMPLARS, FACADES, VIEWPOINTS, SURFACES, PAGES, TILES, PICTURES)
+STAGES_OF_EVERY_RUN = {"ingest", "publish", *(kind.stage for kind in _EVERY)}
 
 
 @contextmanager

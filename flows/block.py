@@ -181,22 +181,21 @@ def _texture_block(
         if forecast.said:
             print_status(forecast.said)
         outcome = UnitOutcomeCounts()
-        changed: set[str] = set()
+        has_changed = False
         for kind in STAGES_IN_ORDER:
             if kind.part_of is not None:  # part of another stage's units
                 continue
-            if kind.units is None:
+            if kind.inputs is None:
                 ended = run_streets(run, outline, compute, only, submit)
             else:
-                # reuse the forecast unless a stage that the keys depend on has changed since
-                known = None if changed & set(kind.reads) else forecast.units.get(kind.stage)
+                # the units of the forecast, unless a result that their inputs may hold has changed since
+                known = None if has_changed else forecast.units.get(kind.stage)
                 pending = find_pending_units(run, block, kind, known)
                 # the page of a city shows its finished blocks
                 if kind is FACADES and pending.pieces and not pending.done and block.part is None:
                     start_preview(run, list(chain.from_iterable(pending.pieces)), compute, print_status)
                 ended = run_stage(run, pending, compute, submit)
-            if ended.done or ended.failed:
-                changed.add(kind.stage)
+            has_changed |= bool(ended.done or ended.failed)
             outcome += ended
         require_disk_space(run.local)
         published = submit(publish_block, run, entry.source).result()

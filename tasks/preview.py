@@ -17,7 +17,8 @@ from tasks.engine.context import load_run_plan
 from tasks.engine.outcome import error_reason
 from tasks.engine.run import Run
 from tasks.engine.unit import Unit
-from tasks.stages.facades.exemplar_facades import build_unit_from_exemplar
+from tasks.stages.facades.exemplar_facades import build_wall_from_exemplar
+from tasks.stages.facades.imagery import FacadeInputs
 from tasks.stages.shared.materials import rebuild_material_field
 
 log = logging.getLogger(__name__)
@@ -27,7 +28,7 @@ FILE = "preview.jpg"
 TEXELS_PER_METRE = 8.0
 
 
-def draw_street_preview(run: Run, units: Sequence[Unit]) -> bytes | None:
+def draw_street_preview(run: Run, units: Sequence[Unit[FacadeInputs]]) -> bytes | None:
     """Draw a street with its materials and the exemplars of its facades as JPEG; None without a facade on a street.
 
     Parameters
@@ -44,14 +45,14 @@ def draw_street_preview(run: Run, units: Sequence[Unit]) -> bytes | None:
     facades = {}
     for unit in units:
         chart, sides = int(plan.facades.chart[unit.index]), (plan.facades.height, plan.facades.width)
-        if chart in seen and unit.arguments[0].exemplar is not None:
+        if chart in seen and unit.inputs.exemplar is not None:
             height, width = (max(1, round(TEXELS_PER_METRE * float(side[unit.index]))) for side in sides)
-            if (facade := build_unit_from_exemplar(run, plan, group, unit, (height, width))) is not None:
+            if (facade := build_wall_from_exemplar(group, unit.index, unit.inputs, (height, width))) is not None:
                 facades[chart] = facade.image
     return encode_image(draw_preview(picture, materials, facades), "JPEG", quality=85)
 
 
-def start_preview(run: Run, units: Sequence[Unit], compute: Compute, tell: Callable[[str], None]) -> None:
+def start_preview(run: Run, units: Sequence[Unit[FacadeInputs]], compute: Compute, tell: Callable[[str], None]) -> None:
     """Draw the preview on a worker beside other units, write it into the run's folder, and tell where it is.
 
     A preview that fails is logged, and ends nothing.

@@ -72,7 +72,7 @@ def test_workers_start_without_prefect() -> None:
     seen = reached(workers)
     assert {"facade_core.street.propagation.propagate", "catalogs.readers.pictures.decoding"} <= seen
     engine = {name for name in seen if within(name, ["tasks.engine"])}
-    known = ("context", "outcome", "progress", "run", "seeds", "unit")
+    known = ("atlas", "context", "inputs", "outcome", "processing", "progress", "run", "seeds", "unit")
     assert engine <= {"tasks.engine", *(f"tasks.engine.{name}" for name in known)}
     stages = {name for name in seen if within(name, ["tasks.stages"])}
     assert not {name for name in stages if name.endswith((".stage", ".task", ".keys", ".forecast", ".order"))}

@@ -146,7 +146,7 @@ def _texture_facade(case: Case, chart: int, files: Sequence[Path], exposure: Com
     )
     # of a plan the scene alone is looked at
     plan = cast(Plan, SimpleNamespace(scene=case.scene))
-    evidence = read_evidence("panoramas", plan, chart, size, imagery, (), [])
+    evidence = read_evidence("panoramas", plan, chart, size, imagery, {}, [])
     if evidence is None:
         return None
     made = build_facade_from_photo(evidence, doors=MappedDoors((), front=True), seed=1)

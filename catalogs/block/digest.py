@@ -76,7 +76,7 @@ def model_file_digests(models: TrainedModelFiles) -> list[list[str]]:
 
 
 def _aerial_inputs(block: Block) -> object:
-    return block.aerial and (block.aerial.content, block.aerial.crs, block.aerial.frame)
+    return block.aerial and block.aerial.digest_content()
 
 
 def _value_digest(value: object) -> str:

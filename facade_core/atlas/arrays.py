@@ -17,7 +17,7 @@ from facade_core.geometry.chart_packing import ChartPlacements
 
 # Format of a store, kept in its attributes. Increase it when the layout of tables, arrays or records changes; the next
 # run then recreates stores of other formats.
-STORE_FORMAT = 5
+STORE_FORMAT = 6
 
 PAGE_DIMS = ("page", "y", "x")
 PAGE_RGB_DIMS = ("page", "y", "x", "band")
@@ -119,8 +119,6 @@ def create_arrays(
             crs=crs, texels_per_metre=spec.texels_per_metre, gutter=spec.gutter, units="texel"
         )
     group.require_group("panoramas").attrs.update(crs=crs)
-    for exemplar in range(units["exemplars"]):  # units that run side by side must not create the same group
-        group.create_group(f"exemplars/{exemplar}", overwrite=True)
     for folder in FOLDERS:
         group.create_group(folder, overwrite=True)
     group.attrs.update(format=STORE_FORMAT)
@@ -141,8 +139,6 @@ def resize_arrays(group: StoreGroup, spec: AtlasSpec, units: Mapping[str, int], 
     axes = _axes(spec, units, panorama_width)
     for array in (*ARRAYS, *map(journal_array_spec, units)):
         array.resize(group, axes)
-    for exemplar in range(units["exemplars"]):
-        group.require_group(f"exemplars/{exemplar}")
     for folder in FOLDERS:
         group.require_group(folder)
     group.attrs.update(format=STORE_FORMAT)

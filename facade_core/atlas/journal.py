@@ -32,6 +32,8 @@ class Record(TypedDict, total=False):
     started : start, seconds since 1970.
     seconds : duration of each step.
     digests : of stages that write charts, the digest of each chart by its id.
+    is_complete : of these, whether every texel of the charts has a source.
+    files : of stages that write files, the digest of each by its path.
     """
 
     unit: Required[str]
@@ -43,6 +45,8 @@ class Record(TypedDict, total=False):
     started: float
     seconds: dict[str, float]
     digests: dict[str, str]
+    is_complete: bool
+    files: dict[str, str]
 
 
 class StreetWaveRecord(Record, total=False):

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import re
+from collections.abc import Collection
 
 import numpy as np
 
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import StoreError
+from facade_core.core.name_hash import hash_name
 from facade_core.core.zarr_types import StoreGroup, get_subgroup
 
 # Folders of encoded files, created by ingest: parallel units must not create the same group.
@@ -24,7 +26,14 @@ TILES = "tiles"
 COARSE = "coarse"
 # Pictures of the report: views as JPEG, and each facade's WebP files concatenated.
 PICTURES = "pictures"
-FOLDERS = (HIERARCHIES, EARLIER, PAGES, TILES, COARSE, PICTURES)
+# Prepared exemplars: a folder of arrays each.
+EXEMPLARS = "exemplars"
+FOLDERS = (HIERARCHIES, EARLIER, PAGES, TILES, COARSE, PICTURES, EXEMPLARS)
+
+
+def exemplar_folder(name: str) -> str:
+    """Return the folder of a prepared exemplar, by its name."""
+    return f"{EXEMPLARS}/{hash_name(name):08x}"
 
 
 def variation_hierarchy_path(chart: int) -> str:
@@ -98,8 +107,15 @@ def digest_stored_file(data: bytes | memoryview) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
-def delete_stored_files_except(group: StoreGroup, folder: str, kept: set[str]) -> None:
-    """Delete the files of a folder except the `kept` names."""
-    for name, _ in list(get_subgroup(group, folder).arrays()):
-        if name not in kept:
-            del group[f"{folder}/{name}"]
+def delete_stored_files_except(group: StoreGroup, kept: Collection[str]) -> None:
+    """Delete the files of all folders except those at the `kept` paths."""
+    for folder in FOLDERS:
+        for path in _list_arrays(get_subgroup(group, folder), folder):
+            if path not in kept:
+                del group[path]
+
+
+def _list_arrays(group: StoreGroup, folder: str) -> list[str]:
+    """List the paths of the arrays in a group, whose own path is `folder`, and in groups within."""
+    within = [path for name, one in list(group.groups()) for path in _list_arrays(one, f"{folder}/{name}")]
+    return [*(f"{folder}/{name}" for name, _ in list(group.arrays())), *within]

@@ -289,6 +289,11 @@ class TrainedModelFiles:
         networks = [path for path in (self.parser, self.layout_network, self.translator) if path is not None]
         return (*(file for path in networks for file in (path, path.with_suffix(".json"))), *layout)
 
+    def digest_content(self) -> tuple[tuple[Path, ...], ...]:
+        """Return the files of each model."""
+        single = (TrainedModelFiles(self.parser), TrainedModelFiles(None, self.layout))
+        return (*(one.files for one in single), TrainedModelFiles(translator=self.translator).files)
+
 
 SHIPPED_MODELS = TrainedModelFiles()
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 from catalogs.block import Block
 from catalogs.printable_text import format_unit_reason
@@ -14,7 +15,7 @@ from tasks.engine.context import load_run_plan
 from tasks.engine.outline import PlanSummary
 from tasks.engine.pending_reasons import pending_reasons
 from tasks.engine.run import Run
-from tasks.engine.stage import ForecastInputs, Stage, StageForecast, all_stages
+from tasks.engine.stage import ForecastInputs, Stage, all_stages
 from tasks.engine.store.commits import open_newest_root
 from tasks.engine.unit import Unit
 
@@ -32,7 +33,7 @@ class WorkForecast:
     """
 
     said: str | None = None
-    units: Mapping[str, Sequence[Unit]] = field(default_factory=dict)
+    units: Mapping[str, Sequence[Unit[Any]]] = field(default_factory=dict)
 
 
 def forecast_work(run: Run, block: Block, outline: PlanSummary) -> WorkForecast:
@@ -46,20 +47,16 @@ def forecast_work(run: Run, block: Block, outline: PlanSummary) -> WorkForecast:
     if not _has_earlier_run(group):
         return WorkForecast()
     plan = load_run_plan(run)
-    units: dict[str, list[Unit]] = {}
+    units: dict[str, list[Unit[Any]]] = {}
     pending: dict[str, Mapping[int, str]] = {}
     totals: dict[str, int] = {}
     notes: list[str] = []
     rewritten: list[int] = []
     for stage in _forecast_order():
-        own: dict[int, str] = {}
-        if stage.units is not None:
-            units[stage.stage] = stage.units(run, block, plan, group)
-            own = pending_reasons(read_journal(group, stage.stage), units[stage.stage])
-        found: StageForecast | None = StageForecast(own)
-        if stage.forecast is not None:
-            inputs = ForecastInputs(run, block, plan, group, outline, units, pending, rewritten)
-            found = stage.forecast(inputs, own)
+        units[stage.stage] = stage.list_units(run, block, plan, group)
+        own = pending_reasons(read_journal(group, stage.stage), units[stage.stage])
+        inputs = ForecastInputs(run, block, plan, group, outline, units, pending, rewritten)
+        found = None if stage.forecast is None else stage.forecast(inputs, own)
         if found is None:
             continue
         pending[stage.stage] = found.pending
@@ -90,7 +87,7 @@ def describe_rejected_inputs(set_aside: Iterable[Sequence[str]]) -> list[str]:
 
 def _forecast_order() -> list[Stage]:
     """Return the stages that need a forecast: each part of another stage follows that stage."""
-    stages = [stage for stage in all_stages() if not stage.derived_only]
+    stages = [stage for stage in all_stages() if stage.forecast is not None]
     whole = [stage for stage in stages if stage.part_of is None]
     return [one for stage in whole for one in (stage, *(part for part in stages if part.part_of == stage.stage))]
 
@@ -98,7 +95,9 @@ def _forecast_order() -> list[Stage]:
 def _has_earlier_run(group: StoreGroup) -> bool:
     """Return whether a stage that is not fanned out was reached: less is resumed, not done again."""
     return any(
-        any(read_journal(group, stage.stage)) for stage in all_stages() if stage.units is None and stage.part_of is None
+        any(read_journal(group, stage.stage))
+        for stage in all_stages()
+        if stage.inputs is None and stage.part_of is None
     )
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
+from typing import Any
 
 from catalogs.block import Block
 from facade_core.atlas.journal import Record, read_journal
 from tasks.engine.context import load_run_plan
-from tasks.engine.outcome import is_done_for_keys
 from tasks.engine.run import Run
 from tasks.engine.stage import Stage
 from tasks.engine.store.carry_over import delete_unit_results
@@ -31,7 +31,7 @@ class PendingUnits:
         return len(self.done) + sum(map(len, self.pieces))
 
 
-def find_pending_units(run: Run, block: Block, stage: Stage, units: Sequence[Unit] | None = None) -> PendingUnits:
+def find_pending_units(run: Run, block: Block, stage: Stage, units: Sequence[Unit[Any]] | None = None) -> PendingUnits:
     """Find the pending units of a stage.
 
     Records of pending units that write the base layer are deleted, so that later stages cannot read stale data.
@@ -40,14 +40,12 @@ def find_pending_units(run: Run, block: Block, stage: Stage, units: Sequence[Uni
     ----------
     units : all units of the stage, where they are known and nothing that their keys digest was done since.
     """
-    if stage.units is None:
-        raise TypeError(f"{stage.stage} are not fanned out")
     plan = load_run_plan(run)
     group = open_newest_root(run)
     records = read_journal(group, stage.stage)
     if units is None:
-        units = stage.units(run, block, plan, group)
-    waiting = [unit for unit in units if not is_done_for_keys(records[unit.index], *unit.keys)]
+        units = stage.list_units(run, block, plan, group)
+    waiting = [unit for unit in units if not unit.is_done(records[unit.index])]
     if stage.writes_base_layer:
         delete_unit_results(
             run, plan, stage.stage, {u.index: u.charts for u in waiting if u.charts and records[u.index]}
@@ -60,7 +58,7 @@ def find_pending_units(run: Run, block: Block, stage: Stage, units: Sequence[Uni
     )
 
 
-def _pieces(units: Sequence[Unit]) -> list[UnitGroup]:
+def _pieces(units: Sequence[Unit[Any]]) -> list[UnitGroup]:
     """Group units that one worker processes in one go: by group, else one by one in the order of their indices."""
     alone = [(unit,) for unit in units if unit.group_id is None]
     shared = sorted((unit for unit in units if unit.group_id is not None), key=lambda unit: unit.group_id or 0)

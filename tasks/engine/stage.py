@@ -3,24 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cache
+from dataclasses import dataclass, replace
+from functools import cache, partial
 from importlib import import_module
+from typing import Any, ClassVar, NamedTuple
 
 import icechunk
 
 from catalogs.block import Block
+from facade_core.atlas.arrays import BASE_ARRAYS, STAGE_ARRAYS
 from facade_core.atlas.journal import Record, read_journal
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
+from tasks.engine.inputs import CODE, digest_inputs
 from tasks.engine.outline import PlanSummary
+from tasks.engine.processing import Compute, Write, process_units
 from tasks.engine.run import Run
+from tasks.engine.stage_code import stage_code_digest
 from tasks.engine.unit import Unit, UnitFunction
 
 # The module that lists the stages: imported when first asked for, as the stages import the engine.
 ORDER_MODULE = "tasks.stages.order"
 
 Records = list[Record | None]
+
+
+class UnitOutline(NamedTuple):
+    """Name of a unit, and the charts that it writes."""
+
+    name: str
+    charts: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -33,9 +45,6 @@ class ReingestContext:
     after : plan of this ingest.
     group : the store as it becomes.
     last : the store as it was.
-    records : the journals as they were, by stage.
-    stays : charts that keep their place and their writers, new -> old. A stage removes the charts whose data
-        are not valid now: they are cleared.
     """
 
     run: Run
@@ -44,8 +53,6 @@ class ReingestContext:
     after: Plan
     group: StoreGroup
     last: StoreGroup
-    records: Mapping[str, Records]
-    stays: dict[int, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -80,7 +87,7 @@ class ForecastInputs:
     plan: Plan
     group: StoreGroup
     outline: PlanSummary
-    units: Mapping[str, Sequence[Unit]]
+    units: Mapping[str, Sequence[Unit[Any]]]
     pending: Mapping[str, Mapping[int, str]]
     rewritten: Sequence[int]
 
@@ -101,6 +108,11 @@ class IntegrityInputs:
     lost: Mapping[str, Sequence[int]]
 
 
+def forecast_pending(_inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast | None:
+    """Forecast the units that are pending by their keys: no other follows from earlier stages."""
+    return StageForecast(own)
+
+
 @dataclass(frozen=True)
 class Stage:
     """A stage of a run: one kind of units.
@@ -109,60 +121,88 @@ class Stage:
     ----------
     stage : its name in journals, keys, logs and tables.
     noun : one of its units in words.
-    count : number of units of a block with this plan.
-    match_previous : units of the block that the last ingest had too, new -> old; their keys decide whether they are valid.
-    units : all units by the journal in the group; None for a stage that is not fanned out.
-    function : processes units that belong together; None likewise.
-    reads : stages whose records the keys of these units digest.
-    writes_base_layer : whether records hold digests of charts that later stages read.
-    in_every_block : whether every block has units of it.
-    relocate : takes the records of matched units at their new places and returns them as they read there; moves
-        other data that the store holds by unit. The arrays have their new size by then.
-    derived_only : whether its units follow from earlier stages alone: no forecast is needed.
-    part_of : the stage whose code processes these units, and with whose units they are counted.
-    array_folder : folder of the store with arrays whose first index is the unit.
-    unit_folder : folder of the store with a group for each unit, named by its index.
-    files : stored files of a unit that is done, path -> digest, by its index and record.
-    follows_base_layer : whether units that write on charts whose base layer is lost are done again too.
-    unit_charts : charts that each unit writes.
-    unit_names : names of all units, for messages.
-    find_lost : units that are done by their record and whose data are missing. No raster is read.
-    confirm_lost : lost units, without those pending anyway.
-    find_differing : units, by stage, whose arrays differ from the digests of their records; of a sample of this size.
-    forecast : pending units after those of earlier stages, given the units pending by key; None where unknown.
+    outline : names of all units of a block with this plan, and the charts that each writes.
+    inputs : lists all units with their inputs, by the records of earlier stages in the group; None for a stage that is not
+        fanned out.
+    compute : computes the result of a unit from its inputs; None likewise.
+    write : writes the result of a unit to its own chunks; returns the fields of its record.
+    process : processes units whose results depend on each other, in place of `compute` and `write`.
+    forecast : pending units after those of earlier stages, given the units pending by key; returns None where unknown.
+        None: units follow from earlier stages alone, and are not forecast.
     """
 
     stage: str
     noun: str
-    count: Callable[[Block, Plan], int]
-    match_previous: Callable[[ReingestContext], dict[int, int]]
-    units: Callable[[Run, Block, Plan, StoreGroup], list[Unit]] | None = None
-    function: UnitFunction | None = None
-    reads: tuple[str, ...] = ()
-    writes_base_layer: bool = False
-    in_every_block: bool = False
-    relocate: Callable[[ReingestContext, Mapping[int, int], Records], Records] | None = None
-    derived_only: bool = False
-    part_of: str | None = None
-    array_folder: str | None = None
-    unit_folder: str | None = None
-    files: Callable[[int, Record], Mapping[str, str]] | None = None
-    follows_base_layer: bool = False
-    unit_charts: Callable[[Plan], Sequence[Sequence[int]]] | None = None
-    unit_names: Callable[[Plan], Sequence[str]] | None = None
-    find_lost: Callable[[IntegrityInputs], list[int]] | None = None
-    confirm_lost: Callable[[Run, Plan, StoreGroup, Sequence[int]], list[int]] | None = None
-    find_differing: Callable[[StoreGroup, Plan, int | None], Mapping[str, Sequence[int]]] | None = None
-    forecast: Callable[[ForecastInputs, Mapping[int, str]], StageForecast | None] | None = None
+    outline: Callable[[Block, Plan], Sequence[UnitOutline]]
+    inputs: Callable[[Run, Block, Plan, StoreGroup], list[Unit[Any]]] | None = None
+    compute: Compute[Any] | None = None
+    write: Write[Any] | None = None
+    process: UnitFunction | None = None
+    forecast: Callable[[ForecastInputs, Mapping[int, str]], StageForecast | None] | None = forecast_pending
+    # of a stage that is part of another
+    part_of: ClassVar[str | None] = None
+
+    @property
+    def function(self) -> UnitFunction:
+        """Return the function that processes some of its units on a worker; it can be pickled."""
+        if self.process is not None:
+            return self.process
+        if self.compute is None or self.write is None:
+            raise TypeError(f"{self.stage} are not fanned out")
+        return partial(process_units, self.compute, self.write)
+
+    def list_units(self, run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit[Any]]:
+        """List all units, with the digests of their inputs and of the code; none of a stage that is not fanned out."""
+        if self.inputs is None:
+            return []
+        code = stage_code_digest(self.stage)
+        units = self.inputs(run, block, plan, group)
+        return [replace(unit, digests={CODE: code, **digest_inputs(unit.inputs)}) for unit in units]
 
     @property
     def subject(self) -> str:
         """Return the catalogue's word for the subject of a unit: "building" for a textured building."""
         return self.noun.rpartition(" ")[2]
 
-    def unit_files(self, unit: int, record: Record | None) -> Mapping[str, str]:
-        """Return the stored files of a unit, path -> digest; none if it is not done."""
-        return self.files(unit, record) if self.files is not None and record and record["status"] == "done" else {}
+    @property
+    def writes_base_layer(self) -> bool:
+        """Return whether its records hold digests of charts that later stages read."""
+        return STAGE_ARRAYS.get(self.stage) is BASE_ARRAYS
+
+
+@dataclass(frozen=True, kw_only=True)
+class OrderedStage(Stage):
+    """A stage whose units are done in the order of streets, and are not fanned out.
+
+    Attributes
+    ----------
+    part_of : the stage whose code processes these units, and with whose units they are counted.
+    array_folder : folder of the store with arrays whose first index is the unit.
+    match : units that the last ingest had too, new -> old.
+    relocate : takes the records of matched units at their new places and returns them as they read there; moves other data
+        that the store holds by unit. The arrays have their new size by then.
+    find_lost : units that are done by their record and whose data are missing. No raster is read.
+    confirm_lost : lost units, without those pending anyway.
+    find_differing : units, by stage, whose arrays differ from the digests of their records; of a sample of this size.
+    """
+
+    part_of: str | None = None  # type: ignore[misc]
+    array_folder: str | None = None
+    match: Callable[[ReingestContext], dict[int, int]]
+    relocate: Callable[[ReingestContext, Mapping[int, int], Records], Records]
+    find_lost: Callable[[IntegrityInputs], list[int]]
+    confirm_lost: Callable[[Run, Plan, StoreGroup, Sequence[int]], list[int]] | None = None
+    find_differing: Callable[[StoreGroup, Plan, int | None], Mapping[str, Sequence[int]]] | None = None
+
+
+def stored_files(record: Record | None) -> Mapping[str, str]:
+    """Return the stored files of a unit, path -> digest; none if it is not done."""
+    return record.get("files", {}) if record and record["status"] == "done" else {}
+
+
+def ordered_stages() -> list[OrderedStage]:
+    """Return the stages whose units are done in the order of streets."""
+    return [stage for stage in all_stages() if isinstance(stage, OrderedStage)]
 
 
 @cache
@@ -190,14 +230,12 @@ def is_done_record(record: Record | None) -> bool:
 
 def match_units_by_name(records: Sequence[Record | None], names: Sequence[str]) -> dict[int, int]:
     """Match units by name with records, new -> old."""
-    at = {record["unit"]: i for i, record in enumerate(records) if record}
-    return {index: at[name] for index, name in enumerate(names) if name in at}
+    return match_names([record["unit"] if record else None for record in records], names)
 
 
-def match_units_by_key_or_name(records: Sequence[Record | None], units: Sequence[Unit]) -> dict[int, int]:
-    """Match units by key with records, else by name, new -> old. The latter are pending, with a known reason."""
-    keys = {record["key"]: i for i, record in enumerate(records) if record}
-    found = {unit.index: keys[unit.key] for unit in units if unit.key in keys}
-    taken = set(found.values())
-    names = {record["unit"]: i for i, record in enumerate(records) if record and i not in taken}
-    return found | {u.index: names[u.name] for u in units if u.index not in found and u.name in names}
+def match_names(before: Sequence[str | None], after: Sequence[str]) -> dict[int, int]:
+    """Match equal names, new -> old; the first of several with the first."""
+    at: dict[str | None, list[int]] = {}
+    for index, name in enumerate(before):
+        at.setdefault(name, []).append(index)
+    return {index: at[name].pop(0) for index, name in enumerate(after) if at.get(name)}

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from catalogs.block.reader import read_block
+from facade_core.atlas.stored_files import exemplar_folder
 from facade_core.core.arrays import Int64Array, IntArray, UInt8Array
 from facade_core.core.errors import FacadeError, InputError
 from tasks.engine.progress import begin_stage, report_progress
@@ -130,7 +131,7 @@ def _build_libraries(
         if source not in number:
             if source in exemplars:
                 k = exemplars[source]
-                image, labels = (results.group[f"exemplars/{k}/{name}"][:] for name in ("image", "labels"))
+                image, labels = (results.group[f"{exemplar_folder(source)}/{name}"][:] for name in ("image", "labels"))
                 fine = _read_original(given.get(source), image)
                 coarse += fine is None
                 density = 1 / float(results.journals["exemplars"][k]["metres_per_texel"])  # type: ignore[index]

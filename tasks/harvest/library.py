@@ -18,9 +18,9 @@ from facade_core.core.regular_files import read_regular
 from facade_core.imagery.rectify.same_facade import FacadeFeatures, detect_facade_features, show_same_facade
 from facade_core.plan.exemplar_style import ExemplarLibrary
 from tasks.engine.compute.connect import connect
+from tasks.engine.inputs import CODE, digest_values, join_key
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.engine.stage_code import stage_code_digest
-from tasks.engine.unit_key import join_key_parts
 from tasks.harvest import MIN_EXEMPLARS, MIN_SCORE
 from tasks.harvest.record import (
     CANDIDATES_FOLDER,
@@ -148,7 +148,7 @@ def _read_earlier_files(out: Path) -> list[str]:
 def _harvest_pictures(pictures: Sequence[SourcePicture], out: Path, workers: int) -> tuple[list[PictureRecord], int]:
     """Harvest the pictures without a record; returns the records of all, and how many there were before."""
     code = stage_code_digest(STAGE)
-    keys = [join_key_parts(code, picture=[one.name, one.digest]) for one in pictures]
+    keys = [join_key({CODE: code} | digest_values(picture=[one.name, one.digest])) for one in pictures]
     known = [read_picture_record(out, one.digest, key) for one, key in zip(pictures, keys, strict=True)]
     earlier = sum(record is not None for record in known)
     begin_stage(STAGE, len(pictures), earlier)

@@ -12,7 +12,7 @@ from catalogs.features import safe_file_stem
 from catalogs.published.reuse import SnapshotFileWriter
 from catalogs.published.snapshot import SnapshotFolder
 from facade_core.atlas.journal import Record, unit_key
-from facade_core.atlas.stored_files import picture_path, read_stored_file
+from facade_core.atlas.stored_files import exemplar_folder, picture_path, read_stored_file
 from facade_core.core.resizing import resize_image
 from facade_core.export.pictures.rendering import encode_image
 from facade_core.export.pictures.settings import DRAWING_SETTINGS
@@ -148,7 +148,9 @@ def _add_exemplar_pictures(
                 file = f"exemplar-{index}-{array}.webp"
                 source_key = unit_key(stage_code_digest("publish"), record["key"], array)
                 files.add_file(
-                    f"{folder}/{file}", source_key, partial(_encode_exemplar, block, f"exemplars/{index}/{array}")
+                    f"{folder}/{file}",
+                    source_key,
+                    partial(_encode_exemplar, block, f"{exemplar_folder(record['unit'])}/{array}"),
                 )
                 titled.append((file, title))
             found[record["unit"]] = tuple(titled)

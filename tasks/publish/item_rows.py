@@ -161,7 +161,7 @@ def _unusable_units(block: StoredBlock) -> Iterator[tuple[str, str, str]]:
     """Yield kind, id and reason of units other than facades that failed or are stale."""
     yield from block.group.attrs["set_aside"]
     for kind in STAGES_IN_ORDER:
-        if kind.units is None or kind is FACADES:  # facades have rows of their own
+        if kind.inputs is None or kind is FACADES:  # facades have rows of their own
             continue
         for record in block.records_by_stage[kind.stage]:
             if record and record["status"] == "failed":

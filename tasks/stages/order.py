@@ -35,17 +35,25 @@ __all__ = [
     "WALLS",
 ]
 
+# After the ingest, and before publication.
 STAGES_IN_ORDER: tuple[Stage, ...] = (
+    # where panoramas were taken: refined alone, then together
     POSES,
     BUNDLES,
+    # exemplars: parsed and completed
     EXEMPLARS,
+    # base layer: textures of the model, ground and walls from panoramas
     TEXTURES,
     GROUNDS,
     WALLS,
+    # facades: rectified, parsed, completed, inpainted, encoded, or made from an exemplar; written to the base layer
     FACADES,
+    # streets: viewpoint by viewpoint
     VIEWPOINTS,
     STREETS,
+    # what is still empty, and seams
     SURFACES,
+    # what is published: pages, tiles, pictures
     PAGES,
     TILES,
     PICTURES,

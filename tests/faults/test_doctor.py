@@ -56,7 +56,8 @@ def forget_viewpoint(run: Run) -> None:
 
 def lose_exemplar(run: Run) -> None:
     session = open_repository(run.store).writable_session(BRANCH)
-    del zarr.open_group(session.store)["exemplars/1/labels"]
+    exemplars = zarr.open_group(session.store)["exemplars"]
+    del exemplars[f"{min(exemplars.group_keys())}/labels"]
     commit(session, "lost")
 
 

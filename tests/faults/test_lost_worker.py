@@ -30,7 +30,7 @@ cloudpickle.register_pickle_by_value(sys.modules[__name__])
 def slow(run: Any, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, dict[str, Any]]]:
     """Leaves a line with its worker in a file of its own each time that it begins. Once the second worker is killed, the first
     does no more until the late one is at work: however long that takes to start, there is something left for it."""
-    index, (folder,) = units[0].index, units[0].arguments
+    index, (folder,) = units[0].index, units[0].inputs
     from distributed import get_worker
 
     worker = str(get_worker().name)
@@ -76,7 +76,7 @@ def test_a_killed_worker_repeats_what_it_had_and_a_late_one_is_used(
             before: list[int] = []
             thread = threading.Thread(target=lose)
             thread.start()
-            work = [(Unit(i, str(i), ("",), (str(folder),), 10**6),) for i in range(40)]
+            work = [(Unit(i, str(i), (str(folder),), 10**6),) for i in range(40)]
             outcome = process_batch.fn(SimpleNamespace(store=None), "slow", "1", slow, work, compute)  # type: ignore[arg-type]
             thread.join()
     assert outcome.done == 40

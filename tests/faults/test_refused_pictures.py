@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from catalogs.block.reader import TextureSettings
 from facade_core.core.errors import FacadeError, ImageError
 from facade_core.core.types import SHIPPED_MODELS, Pose
 from facade_core.facade.evidence import Evidence
@@ -22,7 +21,7 @@ from tasks.engine.forecast import describe_rejected_inputs
 from tasks.stages.facades import evidence, exemplar_facades
 from tasks.stages.facades import worker as facade
 from tasks.stages.facades.evidence import read_evidence
-from tasks.stages.facades.imagery import FacadeImagery
+from tasks.stages.facades.imagery import ChosenExemplar, FacadeImagery
 from tasks.stages.shared.images import read_panorama, read_textures
 
 POSE = Pose(0.0, 0.0, 2.5, 0.0)
@@ -32,7 +31,7 @@ PANORAMAS = ((Path("one.jpg"), POSE), (Path("two.jpg"), POSE))
 
 @pytest.fixture
 def make(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, Any, str, list[Exception]]]:
-    """Make a facade of some imagery: by the place of the source, the facade, the source and what was refused.
+    """Make a facade of some imagery: by the kind of the source, the facade, the source and what was refused.
 
     shown: what each source shows, or is refused by.
     """
@@ -55,7 +54,7 @@ def make(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, Any, str, 
 
     def maker(
         imagery: FacadeImagery, shown: dict[str, Any], walls: str = "exemplar"
-    ) -> tuple[int, Any, str, list[Exception]]:
+    ) -> tuple[str, Any, str, list[Exception]]:
         def evidence_of(source: str, *_: Any) -> Evidence | None:
             if isinstance(shown[source], Exception):
                 raise shown[source]
@@ -66,13 +65,16 @@ def make(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, Any, str, 
         monkeypatch.setattr(exemplar_facades, "facade_wall", lambda *_: None)
         monkeypatch.setattr(exemplar_facades, "build_facade_from_exemplar", lambda *_, **__: "made")
         refused: list[Exception] = []
-        run: Any = Value(seed=1, models=SHIPPED_MODELS, texture=TextureSettings(walls=walls, texels_per_metre=4.0))
+        view = Value(plan=plan, scene=plan.scene, charts=(0,), run=None)
+        views = dict.fromkeys(("view", "between", "house_view", "own"), view)
+        seeds = dict.fromkeys(("seed", "wall_seed", "building_seed"), 1)
+        others = {"models": SHIPPED_MODELS, "walls": walls, "texture_files": {}, "coloured_by": ()}
+        inputs: Any = Value(**vars(imagery), **views, **seeds, **others)
         group: Any = None
-        unit: Any = Value(index=0, arguments=(imagery, (), ()))
-        made = facade.texture_from_pictures(run, plan, unit, refused)
+        made = facade.texture_from_pictures(0, inputs, refused)
         if made is None:
-            made = facade._texture_from_exemplar(run, plan, group, unit, lambda _: None, lambda _: None, ())
-        return made.depth, made.facade, made.source, refused
+            made = facade._texture_from_exemplar(group, 0, inputs, lambda _: None, lambda _: None, ())
+        return made.kind, made.facade, made.source, refused
 
     return maker
 
@@ -82,15 +84,15 @@ def test_the_next_source_is_taken(make: Callable[..., Any]) -> None:
     hidden = Evidence(
         image=np.zeros((*SIZE, 3), np.uint8), hidden=np.ones(SIZE, bool), confidence=np.zeros(SIZE), source="p"
     )
-    both = FacadeImagery(photo=Path("a-0.png"), panoramas=PANORAMAS, exemplar=(0, "brick"))
-    depth, made, source, refused = make(both, {"photo": broken, "panoramas": hidden})
-    assert (depth, made, source) == (2, "made", "brick")
+    both = FacadeImagery(photo=Path("a-0.png"), panoramas=PANORAMAS, exemplar=ChosenExemplar(0, "brick"))
+    kind, made, source, refused = make(both, {"photo": broken, "panoramas": hidden})
+    assert (kind, made, source) == ("", "made", "brick")
     assert [str(error) for error in refused][:1] == ["a-0.png: broken"]
     assert str(refused[1]).startswith("p: only 0.0% of the facade is seen"), "what is refused later is named too"
-    depth, made, source, refused = make(both, {"photo": None, "panoramas": None})
-    assert (depth, source, refused) == (2, "brick", [])
+    kind, made, source, refused = make(both, {"photo": None, "panoramas": None})
+    assert (kind, source, refused) == ("", "brick", [])
     left = FacadeImagery(photo=Path("a-0.png"))
-    assert make(left, {"photo": broken}, walls="translate")[:3] == (1, None, "translator")
+    assert make(left, {"photo": broken}, walls="translate")[:3] == ("", None, "translator")
     with pytest.raises(FacadeError, match="no picture of it and no usable exemplar"):
         make(left, {"photo": broken})
 
@@ -98,7 +100,7 @@ def test_the_next_source_is_taken(make: Callable[..., Any]) -> None:
 @pytest.mark.parametrize("fault", [MemoryError(), OSError(errno.EIO, "Input/output error")])
 def test_a_fault_of_the_machine_refuses_no_picture(make: Callable[..., Any], fault: Exception) -> None:
     with pytest.raises(type(fault)):
-        make(FacadeImagery(photo=Path("a-0.png"), exemplar=(0, "brick")), {"photo": fault})
+        make(FacadeImagery(photo=Path("a-0.png"), exemplar=ChosenExemplar(0, "brick")), {"photo": fault})
 
 
 def test_of_several_panoramas_those_that_serve_are_taken(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -126,11 +128,11 @@ def test_of_several_panoramas_those_that_serve_are_taken(monkeypatch: pytest.Mon
     monkeypatch.setattr(evidence, "capture_date", {Path("two.jpg"): "2024-05-17"}.get)
     refused: list[Exception] = []
     plan: Any = None
-    found = read_evidence("panoramas", plan, 0, SIZE, FacadeImagery(panoramas=PANORAMAS), (), refused)
+    found = read_evidence("panoramas", plan, 0, SIZE, FacadeImagery(panoramas=PANORAMAS), {}, refused)
     assert found is not None
     assert (found.source, taken, found.captured) == ("two.jpg", ["two.jpg"], "2024-05-17")
     assert list(map(str, refused)) == ["one.jpg: broken"]
-    assert read_evidence("panoramas", plan, 0, SIZE, FacadeImagery(panoramas=PANORAMAS[:1]), (), refused) is None
+    assert read_evidence("panoramas", plan, 0, SIZE, FacadeImagery(panoramas=PANORAMAS[:1]), {}, refused) is None
 
 
 @pytest.mark.parametrize(
@@ -154,7 +156,7 @@ def test_a_facade_of_which_pictures_show_little_is_completed_where_that_is_two_s
     monkeypatch.setattr(evidence, "wall_surroundings_mask", lambda *_, **__: None)
     plan: Any = Value(scene=Value(charts=Value(size=np.array([metres]))))
     imagery = FacadeImagery(panoramas=PANORAMAS, textured=textured)
-    assert (read_evidence("panoramas", plan, 0, SIZE, imagery, (), []) is not None) == enough
+    assert (read_evidence("panoramas", plan, 0, SIZE, imagery, {}, []) is not None) == enough
 
 
 def test_a_picture_of_another_building_is_refused_with_its_reason(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -165,13 +167,13 @@ def test_a_picture_of_another_building_is_refused_with_its_reason(monkeypatch: p
     monkeypatch.setattr(evidence, "explain_other_planes", lambda *_: ["", "turned by 25 degrees"])
     plan: Any = Value(scene=Value(placement=Value(width=[SIZE[1]], height=[SIZE[0]], texels_per_metre=[4.0])))
     refused: list[Exception] = []
-    found = read_evidence("panoramas", plan, 0, SIZE, FacadeImagery(panoramas=PANORAMAS), (), refused)
+    found = read_evidence("panoramas", plan, 0, SIZE, FacadeImagery(panoramas=PANORAMAS), {}, refused)
     assert found is not None
     assert found.source == "one.jpg"
     (reason,) = map(str, refused)
     assert reason.startswith("two.jpg: shows another plane than this wall, turned by 25 degrees; ")
     monkeypatch.setattr(evidence, "explain_other_planes", lambda *_: ["turned by 25 degrees"] * 2)
-    assert read_evidence("panoramas", plan, 0, SIZE, FacadeImagery(panoramas=PANORAMAS), (), refused) is None
+    assert read_evidence("panoramas", plan, 0, SIZE, FacadeImagery(panoramas=PANORAMAS), {}, refused) is None
 
 
 def test_what_is_set_aside_is_told_before_anything_is_done() -> None:
@@ -192,7 +194,7 @@ def test_a_texture_that_cannot_be_read_leaves_the_others(tmp_path: Path) -> None
     Image.new("RGB", (16, 16), (9, 9, 9)).save(paths[0])
     paths[1].write_bytes(b"no picture")
     refused: list[Exception] = []
-    assert read_textures(paths, np.array([-1, 0, 1, 1]), refused).keys() == {0}
+    assert read_textures(dict(enumerate(paths)), refused).keys() == {0}
     assert ["two.png" in str(error) for error in refused] == [True]
 
 

@@ -143,7 +143,7 @@ def texture(block_file: Path, out: Path, *, stop_before: str = "", only: str | N
     said, outcome = forecast_work(run, block, outline).said, UnitOutcomeCounts()
     chosen = select_streets(run, only)
     for kind in STAGES_IN_ORDER:
-        if kind.units is not None:
+        if kind.inputs is not None:
             with sooner():
                 outcome += _do(run, find_pending_units(run, block, kind), compute)
         elif kind.part_of is None:
@@ -194,7 +194,7 @@ def viewpoint_with_panorama(group: Any) -> int:
 
 def _do(run: Run, due: PendingUnits, compute: SerialCompute) -> UnitOutcomeCounts:
     outcome = UnitOutcomeCounts(refused=list_units_with_rejections(due.done))
-    if due.pieces and due.stage.function is not None:
+    if due.pieces:
         outcome += process_batch.fn(run, due.stage.stage, "1", due.stage.function, due.pieces, compute)
     assert not outcome.failed, outcome.failed
     return outcome

@@ -27,7 +27,7 @@ from tasks.engine.store.commits import read_newest_journal
 from tasks.engine.store.status import completion_summary
 from tasks.publish.task import publish_block
 from tasks.stages.streets.panoramas import is_panorama_in_report
-from tasks.stages.surfaces.stage import list_surface_units
+from tasks.stages.surfaces.stage import SURFACES
 from tests.pipeline.stages import (
     BUILDINGS,
     EAST,
@@ -142,7 +142,7 @@ def test_a_surface_that_fails_leaves_nothing_of_before(left_to_streets: Path, tm
     block, made = read_block(folder / "in" / "block.yaml"), texture(folder / "in" / "block.yaml", folder / "out")
     plan, before = load_run_plan(made.run), charts_of(made.run)
     group = open_root(open_repository(made.run.store).readonly_session(BRANCH))
-    [unit] = [unit for unit in list_surface_units(made.run, block, plan, group) if unit.name == "a"]
+    [unit] = [unit for unit in SURFACES.list_units(made.run, block, plan, group) if unit.name == "a"]
 
     def fails(*_: Any) -> None:
         raise ValueError("no material")
@@ -150,7 +150,7 @@ def test_a_surface_that_fails_leaves_nothing_of_before(left_to_streets: Path, tm
     [(name, reason)] = process_batch.fn(made.run, "surfaces", "1", fails, [[unit]], SerialCompute()).failed
     assert name == "a"
     assert reason.startswith("stopped by an error of its own (ValueError: no material); ")
-    own = {f"{number:016x}" for number in plan.ids[list(unit.arguments[0])].tolist()}
+    own = {f"{number:016x}" for number in plan.ids[list(unit.charts)].tolist()}
     for chart, (colour, provenance) in charts_of(made.run).items():
         if chart in own:
             assert not colour.any()
@@ -285,7 +285,7 @@ def test_units_done_by_other_code_are_due(
     left_to_streets: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = copied(left_to_streets, tmp_path)
-    for reader in ("tasks.stages.facades.keys.stage_code_digest", "tasks.stages.streets.keys.stage_code_digest"):
+    for reader in ("tasks.engine.stage.stage_code_digest", "tasks.stages.streets.keys.stage_code_digest"):
         monkeypatch.setattr(reader, _other_code("facades"))
     done, made = again(folder)
     assert done - ALL_STREETS == {unit for stage, unit in started(folder / "out") if stage == "facades"}

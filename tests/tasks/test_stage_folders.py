@@ -96,6 +96,6 @@ def test_every_data_file_is_declared() -> None:
 
 def test_parts_name_their_stage() -> None:
     for stage in STAGES_IN_ORDER:
-        assert (stage.units is None) == (stage.function is None)
+        assert (stage.compute is None) == (stage.write is None)
+        assert (stage.inputs is None) == (stage.compute is None and stage.process is None)
         assert stage.part_of in (None, *STAGE_NAMES)
-        assert set(stage.reads) <= set(STAGE_NAMES)

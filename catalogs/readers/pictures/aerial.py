@@ -54,6 +54,10 @@ class Orthophoto:
     frame: str
     content: str
 
+    def digest_content(self) -> tuple[str, str, str]:
+        """Return what tells the picture from others."""
+        return self.content, self.crs, self.frame
+
     def covers(self, points: Float64Array) -> BoolArray:
         """Return a mask (n,) of the positions on the picture, transparent or not.
 

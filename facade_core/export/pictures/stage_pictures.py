@@ -12,7 +12,7 @@ import numpy as np
 
 from facade_core.atlas.journal import Record
 from facade_core.atlas.rasters import read_chart_raster
-from facade_core.atlas.stored_files import read_stored_file
+from facade_core.atlas.stored_files import exemplar_folder, read_stored_file
 from facade_core.core.arrays import AnyArray, BoolArray, UInt8Array
 from facade_core.core.errors import StoreError
 from facade_core.core.labels import colourise
@@ -139,7 +139,7 @@ def iterate_stage_pictures(facade: StoredFacade) -> Iterator[StagePicture]:
     photo = hidden or (record.get("provenance") or [0])[-1] > 0
     exemplar = Path(record["source"] or "").stem
     if exemplar in facade.exemplars:
-        image = f"exemplars/{facade.exemplars.index(exemplar)}/image"
+        image = f"{exemplar_folder(exemplar)}/image"
         yield StagePicture(lambda: np.asarray(facade.group[image]), StageTitle("source", "Exemplar it is made from"))
     if photo:
         yield from _photo_pictures(facade, record, hidden)

@@ -13,10 +13,10 @@ import icechunk
 import numpy as np
 
 from catalogs.block.reader import Block
-from facade_core.atlas.arrays import STORE_FORMAT, clear_rasters, resize_arrays
+from facade_core.atlas.arrays import STAGE_ARRAYS, STORE_FORMAT, clear_rasters, resize_arrays
 from facade_core.atlas.journal import Record, clear_record, journal_path
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root, read_format
-from facade_core.atlas.stored_files import FOLDERS
+from facade_core.atlas.stored_files import FOLDERS, delete_stored_files_except
 from facade_core.core.arrays import BoolArray
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.errors import StoreError
@@ -25,7 +25,16 @@ from facade_core.geometry.chart_packing import PreviousChartPlacements
 from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan
 from tasks.engine.run import Run
-from tasks.engine.stage import Records, ReingestContext, all_stages, read_journals
+from tasks.engine.stage import (
+    OrderedStage,
+    Records,
+    ReingestContext,
+    all_stages,
+    match_names,
+    match_units_by_name,
+    read_journals,
+    stored_files,
+)
 
 
 @dataclass(frozen=True)
@@ -92,34 +101,64 @@ def adapt_store_to_plan(root: StoreGroup, last: LastIngest, run: Run, block: Blo
 
     Charts that are gone, moved or written by other stages are cleared. Records move to the new indices of their units.
     """
-    change = ReingestContext(
-        run,
-        block,
-        before=last.plan,
-        after=plan,
-        group=root,
-        last=last.group,
-        records=read_journals(last.group),
-        stays=_unchanged_charts(last.plan, plan),
-    )
-    again = {stage.stage: stage.match_previous(change) for stage in all_stages()}
+    change = ReingestContext(run, block, before=last.plan, after=plan, group=root, last=last.group)
+    before = read_journals(last.group)
+    matches, stays = match_units(change, before)
     spec, placement = last.plan.scene.spec, last.plan.scene.placement
-    cleared = np.flatnonzero(~np.isin(np.arange(len(last.plan.ids)), list(change.stays.values())))
+    cleared = np.flatnonzero(~np.isin(np.arange(len(last.plan.ids)), list(stays.values())))
     clear_rasters(root, spec, placement, cleared.tolist())
     resize_arrays(root, plan.scene.spec, units=unit_counts(block, plan), panorama_width=run.texture.panorama_width)
+    kept: set[str] = set()
     for stage in all_stages():
-        records = _records_at_new_indices(change.records[stage.stage], again[stage.stage], stage.count(block, plan))
-        if stage.relocate is not None:
-            records = stage.relocate(change, again[stage.stage], records)
-        before = list(map(_record_text, change.records[stage.stage]))
+        again, names = matches[stage.stage], [outline.name for outline in stage.outline(block, plan)]
+        records = _records_at_new_indices(before[stage.stage], again, names)
+        if isinstance(stage, OrderedStage):
+            records = stage.relocate(change, again, records)
+        held = list(map(_record_text, before[stage.stage]))
         for index, text in enumerate(map(_record_text, records)):
-            if index >= len(before) or before[index] != text:
+            if index >= len(held) or held[index] != text:
                 root[journal_path(stage.stage)][index] = text
+        kept.update(path for record in records for path in stored_files(record))
+    delete_stored_files_except(root, kept)
+
+
+def match_units(
+    change: ReingestContext, records: Mapping[str, Records]
+) -> tuple[dict[str, dict[int, int]], dict[int, int]]:
+    """Match units of the last ingest by name: those that write charts if all of them keep their place and their writers.
+
+    Returns
+    -------
+    matches : unit, new -> old, by stage.
+    stays : charts whose texels are kept, new -> old: not those of the base layer that another unit writes now.
+    """
+    stays = _unchanged_charts(change.before, change.after)
+    matches: dict[str, dict[int, int]] = {}
+    for stage in all_stages():
+        if isinstance(stage, OrderedStage):
+            matches[stage.stage] = stage.match(change)
+            continue
+        after = stage.outline(change.block, change.after)
+        again = match_units_by_name(records[stage.stage], [outline.name for outline in after])
+        if any(outline.charts for outline in after) or stage.stage in STAGE_ARRAYS:
+            before = stage.outline(change.block, change.before)
+            again = {
+                new: old
+                for new, old in match_names([one.name for one in before], [one.name for one in after]).items()
+                if [stays.get(chart) for chart in after[new].charts] == list(before[old].charts)
+            }
+            if stage.writes_base_layer:
+                kept = {chart for old in again.values() for chart in before[old].charts}
+                gone = {chart for one in before for chart in one.charts} - kept
+                fresh = {chart for new, one in enumerate(after) if new not in again for chart in one.charts}
+                stays = {new: old for new, old in stays.items() if new not in fresh and old not in gone}
+        matches[stage.stage] = again
+    return matches, stays
 
 
 def unit_counts(block: Block, plan: Plan) -> dict[str, int]:
     """Return the number of units of each stage of a block."""
-    return {stage.stage: stage.count(block, plan) for stage in all_stages()}
+    return {stage.stage: len(stage.outline(block, plan)) for stage in all_stages()}
 
 
 def has_all_stages(group: StoreGroup) -> bool:
@@ -174,6 +213,17 @@ def _record_text(record: Record | None) -> str:
     return json.dumps(record, sort_keys=True, allow_nan=False) if record else ""
 
 
-def _records_at_new_indices(records: Sequence[Record | None], again: Mapping[int, int], count: int) -> Records:
-    """Return records by the new indices of their units."""
-    return [records[again[i]] if i in again else None for i in range(count)]
+def _records_at_new_indices(
+    records: Sequence[Record | None], again: Mapping[int, int], names: Sequence[str]
+) -> Records:
+    """Return records by the new indices of their units; of a unit that writes other charts now as stale: it is pending."""
+    keys = {record["unit"]: record["key"] for record in records if record}
+    found: Records = []
+    for index, name in enumerate(names):
+        if index in again and again[index] < len(records):
+            found.append(records[again[index]])
+        elif name in keys:
+            found.append(Record(unit=name, key=keys[name], status="stale", reason="its geometry changed"))
+        else:
+            found.append(None)
+    return found

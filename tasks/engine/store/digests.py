@@ -14,7 +14,7 @@ from facade_core.atlas.rasters import TexelLayout, chart_digests, read_rasters
 from facade_core.atlas.stored_files import digest_stored_file
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
-from tasks.engine.stage import all_stages
+from tasks.engine.stage import all_stages, ordered_stages, stored_files
 
 T = TypeVar("T")
 
@@ -38,15 +38,13 @@ def find_differing_units(group: StoreGroup, plan: Plan, sample: int | None = Non
         )
         if chart_digests(colour, source, plan.scene.placement, one, plan.ids)[name] != digest:
             found[stage].add(unit)
-    for checked in all_stages():
+    for checked in ordered_stages():
         if checked.find_differing is not None:
             for stage, units in checked.find_differing(group, plan, sample).items():
                 found[stage].update(units)
     for owner in all_stages():
-        if owner.files is None:
-            continue
         journal = read_journal(group, owner.stage)
-        files = [(unit, owner.unit_files(unit, record)) for unit, record in enumerate(journal)]
+        files = [(unit, stored_files(record)) for unit, record in enumerate(journal)]
         for unit, wanted in sample_evenly([one for one in files if one[1]], sample):
             for path, digest in wanted.items():
                 if path in group and digest_stored_file(np.asarray(group[path][:]).tobytes()) != digest:

@@ -26,9 +26,19 @@ from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan
 from tasks.engine.run import Run
-from tasks.engine.stage import IntegrityInputs, Stage, all_stages, read_journals
+from tasks.engine.stage import (
+    IntegrityInputs,
+    OrderedStage,
+    Records,
+    Stage,
+    all_stages,
+    ordered_stages,
+    read_journals,
+    stored_files,
+)
 from tasks.engine.store.digests import find_differing_units
-from tasks.engine.store.unreadable import empty_unreadable_chunks, units_writing_charts
+from tasks.engine.store.missing_chunks import find_units_with_missing_chunks
+from tasks.engine.store.unreadable import charts_of_records, empty_unreadable_chunks, units_writing_charts
 
 # Folders of the store that units restore, with those of stages and of files; all else is the plan.
 PAGE_FOLDERS = ("atlas", "facade_maps", "journal")
@@ -47,16 +57,16 @@ def find_lost_units(session: icechunk.Session) -> dict[str, list[int]]:
     records = read_journals(group)
     found: dict[str, list[int]] = {}
     for stage in all_stages():
-        if stage.find_lost is not None:
+        if isinstance(stage, OrderedStage):
             found[stage.stage] = stage.find_lost(IntegrityInputs(session, group, records, found))
-    for stage in all_stages():
-        if stage.files is not None:
-            lost = set(found.get(stage.stage, ()))
-            found[stage.stage] = [
-                unit
-                for unit, record in enumerate(records[stage.stage])
-                if unit in lost or not all(path in group for path in stage.unit_files(unit, record))
-            ]
+            continue
+        lost = find_units_with_missing_chunks(session, stage.stage, records[stage.stage])
+        lost.update(
+            unit
+            for unit, record in enumerate(records[stage.stage])
+            if not all(path in group for path in stored_files(record))
+        )
+        found[stage.stage] = sorted(lost)
     return {name: units for name, units in found.items() if units}
 
 
@@ -125,7 +135,7 @@ def _repair(run: Run, *, thorough: bool) -> list[str]:
     plan = plan or read_plan(session)
     for owner in all_stages():
         lost_here = lost_units.get(owner.stage, [])
-        if owner.confirm_lost is not None:
+        if isinstance(owner, OrderedStage) and owner.confirm_lost is not None:
             lost_here = owner.confirm_lost(run, plan, group, lost_here)
         due.setdefault(owner.stage, set()).update(lost_here)
     if line := _delete_records(group, plan, due):
@@ -136,42 +146,44 @@ def _repair(run: Run, *, thorough: bool) -> list[str]:
 
 def _delete_records(group: StoreGroup, plan: Plan, due: dict[str, set[int]]) -> str:
     """Delete the records of units, and of later ones that write on their base layer; returns their names."""
-    base = [stage for stage in all_stages() if stage.writes_base_layer]
-    charts: list[int] = []
-    for stage in base:
-        if stage.unit_charts is not None and due.get(stage.stage):
-            written = stage.unit_charts(plan)
-            charts += [chart for unit in sorted(due[stage.stage]) for chart in written[unit]]
-    writers = units_writing_charts(plan, charts)
+    records = read_journals(group)
+    base = next(stage.stage for stage in all_stages() if stage.writes_base_layer)
+    charts: set[int] = set()
     for stage in all_stages():
-        if stage.follows_base_layer:
-            due.setdefault(stage.stage, set()).update(writers[stage.stage])
+        if stage.writes_base_layer:
+            lost = [records[stage.stage][unit] for unit in due.get(stage.stage, ())]
+            charts |= charts_of_records(plan, lost)
+    for stage in ordered_stages():  # of their texels, some were blended with these
+        due.setdefault(stage.stage, set()).update(units_writing_charts(plan, records[stage.stage], charts))
+    said = [
+        _describe(stage, records[stage.stage], sorted(due[stage.stage]))
+        for stage in all_stages()
+        if due.get(stage.stage)
+    ]
     for stage in all_stages():
         for unit in sorted(due.get(stage.stage, ())):
             clear_record(group, stage.stage, unit)
-    clear_rasters(group, plan.scene.spec, plan.scene.placement, sorted(set(charts)), base[0].stage)
-    return ", ".join(_describe(stage, plan, sorted(due[stage.stage])) for stage in all_stages() if due.get(stage.stage))
+    clear_rasters(group, plan.scene.spec, plan.scene.placement, sorted(charts), base)
+    return ", ".join(said)
 
 
-def _describe(stage: Stage, plan: Plan, units: Sequence[int]) -> str:
+def _describe(stage: Stage, records: Records, units: Sequence[int]) -> str:
     """Return a text such as "2 facades (a-1, a-2)"."""
-    names = stage.unit_names(plan) if stage.unit_names is not None else None
-    known = [str(unit) if names is None else names[unit] for unit in units[:MAX_NAMED]]
-    known += ["..."] if len(units) > MAX_NAMED else []
+    names = [record["unit"] if (record := records[unit]) else str(unit) for unit in units[:MAX_NAMED]]
+    names += ["..."] if len(units) > MAX_NAMED else []
     noun = stage.stage.removesuffix("s") if len(units) == 1 else stage.stage
-    return f"{len(units)} {noun} ({', '.join(known)})"
+    return f"{len(units)} {noun} ({', '.join(names)})"
 
 
 def _read_plan_tables(session: icechunk.Session) -> None:
     """Read the parts of a snapshot that units cannot restore."""
     group = open_root_of_any_format(session)
-    arrays = {stage.array_folder for stage in all_stages() if stage.array_folder}
-    optional = {*FOLDERS, *(stage.unit_folder for stage in all_stages() if stage.unit_folder)}
-    restored = {*PAGE_FOLDERS, *arrays, *optional}
+    arrays = {stage.array_folder for stage in ordered_stages() if stage.array_folder}
+    restored = {*PAGE_FOLDERS, *arrays, *FOLDERS}
     for name, table in group.groups():
         if name not in restored:
             for _, array in table.arrays():
                 array[...]
     for name in sorted(restored):
-        if name not in optional or name in group:  # a block may have no exemplars
+        if name not in FOLDERS or name in group:
             dict(group[name].attrs)

@@ -19,13 +19,13 @@ from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.core.errors import InputError, StoreError
 from facade_core.core.json_types import JsonObject
 from facade_core.core.zarr_types import StoreGroup
+from tasks.engine.inputs import CODE, split_key
 from tasks.engine.outcome import list_units_with_rejections
 from tasks.engine.run import Run
 from tasks.engine.stage import all_stages, read_journals
 from tasks.engine.stage_code import join_code_versions, stage_code_digest
 from tasks.engine.store.carry_over import has_all_stages
 from tasks.engine.store.integrity import find_lost_units, is_store_marked_suspect
-from tasks.engine.unit_key import split_key
 
 # In a run's folder: the path of its block file, from there where it lies within.
 SOURCE = "source"
@@ -128,7 +128,7 @@ def store_code_version(group: StoreGroup) -> str:
 def _recorded_codes(journals: Mapping[str, Sequence[Record | None]]) -> dict[str, list[str]]:
     """Return the codes that processed the units of each journal; a viewpoint has its street's."""
     found = {
-        stage.stage: sorted({split_key(r["key"]).get("code", "") for r in journals[stage.stage] if r})
+        stage.stage: sorted({split_key(r["key"]).get(CODE, "") for r in journals[stage.stage] if r})
         for stage in all_stages()
         if stage.part_of is None
     }

@@ -7,11 +7,11 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from facade_core.atlas.arrays import STAGE_ARRAYS
 from facade_core.atlas.integrity import ChunkCoordinates
-from facade_core.atlas.journal import read_journal
+from facade_core.atlas.journal import JOURNAL, Record, read_journal
 from facade_core.atlas.stored_files import FOLDERS
 from facade_core.core.zarr_types import StoreArray, StoreGroup
 from facade_core.plan.plan import Plan
-from tasks.engine.stage import all_stages
+from tasks.engine.stage import Records, all_stages, ordered_stages, stored_files
 
 
 def empty_unreadable_chunks(
@@ -24,38 +24,39 @@ def empty_unreadable_chunks(
     lost : chunks by the path of their array; None if all are lost.
     """
     due: dict[str, set[int]] = defaultdict(set)
-    for path, chunks in lost.items():
+    for path, chunks in sorted(
+        lost.items(), key=lambda one: not one[0].startswith(JOURNAL)
+    ):  # the journals tell the others
         array = group[path]
         folder, _, name = path.partition("/")
         units = range(array.shape[0]) if chunks is None else sorted({chunk[0] for chunk in chunks})
-        if folder == "journal":
+        if folder == JOURNAL:
             due[name].update(units)
-        elif owner := next((one for one in all_stages() if one.array_folder == folder), None):
+        elif owner := next((one for one in ordered_stages() if one.array_folder == folder), None):
             due[owner.stage].update(units)
-        elif owner := next((one for one in all_stages() if one.unit_folder == folder), None):
-            due[owner.stage].add(int(name.partition("/")[0]))
         elif folder not in FOLDERS:
-            writers = [stage for stage, arrays in STAGE_ARRAYS.items() if path in (array.path for array in arrays)]
-            for stage, found in units_writing_charts(plan, _charts_in_chunks(plan, chunks)).items():
-                due[stage].update(found if stage in writers else ())
+            charts = _charts_in_chunks(plan, chunks)
+            for writer, arrays in STAGE_ARRAYS.items():
+                if path in (array.path for array in arrays):
+                    due[writer].update(units_writing_charts(plan, read_journal(group, writer), charts))
         _empty_chunks(group, path, array, chunks)
-    for owner in all_stages() if any(path.partition("/")[0] in FOLDERS for path in lost) else ():
-        for unit, record in enumerate(
-            read_journal(group, owner.stage) if owner.files else ()
-        ):  # of which every chunk can be read by now
-            if not lost.keys().isdisjoint(owner.unit_files(unit, record)):
-                due[owner.stage].add(unit)
+    for stage in all_stages() if any(path.partition("/")[0] in FOLDERS for path in lost) else ():
+        for unit, record in enumerate(read_journal(group, stage.stage)):  # of which every chunk can be read by now
+            if not lost.keys().isdisjoint(stored_files(record)):
+                due[stage.stage].add(unit)
     return {one.stage: due[one.stage] for one in all_stages() if due[one.stage]}
 
 
-def units_writing_charts(plan: Plan, charts: Iterable[int]) -> dict[str, set[int]]:
-    """Return the units that write on some charts, by stage."""
-    chosen = set(charts)
-    return {
-        stage.stage: {unit for unit, own in enumerate(stage.unit_charts(plan)) if not chosen.isdisjoint(own)}
-        for stage in all_stages()
-        if stage.unit_charts is not None
-    }
+def units_writing_charts(plan: Plan, records: Records, charts: Iterable[int]) -> set[int]:
+    """Return the units that wrote some charts, by their records."""
+    chosen = {f"{plan.ids[chart]:016x}" for chart in charts}
+    return {unit for unit, record in enumerate(records) if record and not chosen.isdisjoint(record.get("digests", ()))}
+
+
+def charts_of_records(plan: Plan, records: Iterable[Record | None]) -> set[int]:
+    """Return the charts that some records tell of."""
+    at = {f"{number:016x}": chart for chart, number in enumerate(plan.ids.tolist())}
+    return {at[name] for record in records if record for name in record.get("digests", ()) if name in at}
 
 
 def _charts_in_chunks(plan: Plan, chunks: Sequence[ChunkCoordinates] | None) -> list[int]:

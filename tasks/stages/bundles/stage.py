@@ -10,7 +10,6 @@ import numpy as np
 import shapely
 
 from catalogs.block.reader import Block
-from catalogs.file_digest import file_digest
 from catalogs.readers.pictures.source_poses import parse_iso_date
 from facade_core.atlas.journal import read_journal
 from facade_core.core.zarr_types import StoreGroup
@@ -21,25 +20,24 @@ from facade_core.imagery.poses.bundles import group_panoramas_into_bundles
 from facade_core.imagery.poses.joint_refinement import PriorPose
 from facade_core.imagery.poses.settings import JOINT, PANORAMA_BUNDLES
 from facade_core.plan.plan import FacadeSightings, Plan
-from tasks.engine.pending_reasons import REASONS
+from tasks.engine.inputs import PANORAMAS_CHANGED
 from tasks.engine.run import Run
-from tasks.engine.stage import ForecastInputs, ReingestContext, Stage, StageForecast, match_units_by_name
-from tasks.engine.stage_code import stage_code_digest
+from tasks.engine.stage import ForecastInputs, Stage, StageForecast, UnitOutline
 from tasks.engine.unit import Unit
-from tasks.engine.unit_key import join_key_parts
 from tasks.stages.bundles.refined_poses import pose_from_record
-from tasks.stages.bundles.worker import BundlePanorama, process_bundle
+from tasks.stages.bundles.worker import BundleInputs, BundlePanorama, bundle_record_fields, compute_bundle
 from tasks.stages.poses.record import PoseRecord
 from tasks.stages.poses.stage import pose_memory
-from tasks.stages.shared.key_parts import POSE_SURROUNDINGS_M, pose_key_parts
+from tasks.stages.shared.key_parts import POSE_SURROUNDINGS_M
 from tasks.stages.shared.memory import LIBRARY_BYTES
 from tasks.stages.shared.picture_choice import choose_pictures
+from tasks.stages.shared.scene_view import SceneView, view_charts
 
 # Bytes kept of each panorama of a bundle.
 SMALL_PANORAMA_BYTES = JOINT.max_turn_pixels * JOINT.max_turn_pixels // 2 * 3
 
 
-def list_bundle_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
+def list_bundle_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit[BundleInputs]]:
     """List the units of stage `bundles`: one for each bundle, without rejected panoramas."""
     records = read_journal(group, "poses", PoseRecord)
     units = []
@@ -49,9 +47,8 @@ def list_bundle_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> 
             for i in bundle
             if (record := records[i]) is not None and record["status"] == "done" and not record.get("is_unused")
         )
-        surfaces = _bundle_charts(plan, bundle)
-        key = bundle_key(run, plan, members, surfaces)
-        units.append(Unit(index, name, (key,), (members, surfaces), bundle_memory([one.path for one in members])))
+        inputs = bundle_inputs(run, plan, members, _bundle_charts(plan, bundle))
+        units.append(Unit(index, name, inputs, bundle_memory([one.path for one in members])))
     return units
 
 
@@ -104,32 +101,18 @@ def _day_number(day: str | None) -> int | None:
     return date.fromisoformat(day).toordinal() if day else None
 
 
-def _match_previous(change: ReingestContext) -> dict[int, int]:
-    return match_units_by_name(change.records["bundles"], bundle_names(change.after, change.block))
+def bundle_inputs(run: Run, plan: Plan, members: tuple[BundlePanorama, ...], charts: Sequence[int]) -> BundleInputs:
+    """Return the inputs of panoramas that are refined together on some charts."""
+    return BundleInputs(members, view_charts(run, plan, charts), _view_around(run, plan, members))
 
 
-def bundle_key(run: Run, plan: Plan, members: Sequence[BundlePanorama], surfaces: Sequence[int]) -> str:
-    """Return the key of panoramas that are refined together on some charts."""
+def _view_around(run: Run, plan: Plan, members: Sequence[BundlePanorama]) -> SceneView:
+    """Return a view of what panoramas may be matched with."""
     places = np.array([(one.alone.pose.x, one.alone.pose.y, one.alone.pose.z) for one in members]).reshape(-1, 3)
-    around = (
-        plan.scene_objects.digests_in_box(
-            places.min(axis=0) - POSE_SURROUNDINGS_M, places.max(axis=0) + POSE_SURROUNDINGS_M
-        )
-        if len(members)
-        else []
-    )
-    return join_key_parts(
-        stage_code_digest("bundles"),
-        settings=run.texture.texels_per_metre,
-        pose=[pose_key_parts(one.given) for one in members],
-        panoramas=[[one.path.name, file_digest(one.path), *prior_pose_key_parts(one.alone)] for one in members],
-        geometry=[[f"{number:016x}" for number in plan.ids[list(surfaces)].tolist()], around],
-    )
-
-
-def prior_pose_key_parts(one: PriorPose) -> list[object]:
-    """Return the key parts of a prior pose: the pose and its covariance."""
-    return [pose_key_parts(one.pose), None if one.covariance is None else one.covariance.tolist()]
+    if not len(places):
+        return SceneView(run, (), ())
+    low, high = places.min(axis=0) - POSE_SURROUNDINGS_M, places.max(axis=0) + POSE_SURROUNDINGS_M
+    return SceneView(run, (), tuple(plan.scene_objects.digests_in_box(low, high)))
 
 
 def bundle_memory(paths: Sequence[Path]) -> int:
@@ -144,16 +127,15 @@ def _forecast(inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast:
     following = (
         number for number, bundle in enumerate(panorama_bundles(inputs.plan, inputs.block)) if again & set(bundle)
     )
-    return StageForecast(dict.fromkeys(following, REASONS["panoramas"]) | dict(own))
+    return StageForecast(dict.fromkeys(following, PANORAMAS_CHANGED) | dict(own))
 
 
 BUNDLES = Stage(
     "bundles",
     "panorama bundle",
-    count=lambda block, plan: len(panorama_bundles(plan, block)),
-    match_previous=_match_previous,
-    units=list_bundle_units,
-    function=process_bundle,
-    reads=("poses",),
+    outline=lambda block, plan: [UnitOutline(name) for name in bundle_names(plan, block)],
+    inputs=list_bundle_units,
+    compute=compute_bundle,
+    write=bundle_record_fields,
     forecast=_forecast,
 )

@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 import math
-import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, cast
 
 import numpy as np
-from icechunk import ForkSession
 
-from facade_core.atlas.journal import Record
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.cameras.exposure import sample_ground_colours
 from facade_core.imagery.panorama_camera import camera_from_world, camera_position
 from facade_core.imagery.poses.joint_refinement import JointPose, PriorPose, refine_jointly
-from tasks.engine.context import current_worker_name, load_run_plan
-from tasks.engine.run import Run
-from tasks.engine.unit import UnitGroup
-from tasks.stages.bundles.record import BundledPose, BundleRecord, PoseFieldsFromBundle
+from tasks.engine.inputs import GEOMETRY_CHANGED, PANORAMAS_CHANGED, input_field
+from tasks.stages.bundles.record import BundledPose, PoseFieldsFromBundle
 from tasks.stages.shared.images import max_picture_pixels, read_panorama
+from tasks.stages.shared.scene_view import SceneView
 
 
 class BundlePanorama(NamedTuple):
@@ -38,30 +35,38 @@ class BundlePanorama(NamedTuple):
     alone: PriorPose
 
 
-def process_bundle(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSession, dict[int, Record]]:
-    """Refine the poses of one bundle together; returns the unchanged fork and the record."""
-    start = time.time()
-    (unit,) = units
-    members, surfaces = unit.arguments
-    scene = load_run_plan(run).scene
-    together: dict[str, BundledPose] = {}
-    if len(members) > 1:
-        images = (read_panorama(one.path, max_picture_pixels(one.given)) for one in members)
-        found = refine_jointly(scene, surfaces, images, [one.alone for one in members])
-        together = {
-            one.path.name: {"alone": _pose_values(one.alone.pose), "found": _refined_fields(scene, one, at)}
-            for one, at in zip(members, found, strict=True)
-        }
-    record: BundleRecord = {
-        "unit": unit.name,
-        "key": unit.key,
-        "status": "done",
-        "together": together,
-        "worker": current_worker_name(),
-        "started": start,
-        "seconds": {"refine": round(time.time() - start, 4)},
+@dataclass(frozen=True)
+class BundleInputs:
+    """Inputs of panoramas that are refined together.
+
+    Attributes
+    ----------
+    members : the panoramas, with the poses refined alone.
+    surfaces : charts that they are refined on.
+    around : what of the block they may be matched with.
+    """
+
+    members: tuple[BundlePanorama, ...] = input_field(PANORAMAS_CHANGED)
+    surfaces: SceneView = input_field(GEOMETRY_CHANGED)
+    around: SceneView = input_field(GEOMETRY_CHANGED)
+
+
+def compute_bundle(inputs: BundleInputs) -> dict[str, BundledPose]:
+    """Refine the poses of some panoramas together; returns the result by name of each panorama."""
+    members, scene = inputs.members, inputs.around.scene
+    if len(members) < 2:
+        return {}
+    images = (read_panorama(one.path, max_picture_pixels(one.given)) for one in members)
+    found = refine_jointly(scene, inputs.surfaces.charts, images, [one.alone for one in members])
+    return {
+        one.path.name: {"alone": _pose_values(one.alone.pose), "found": _refined_fields(scene, one, at)}
+        for one, at in zip(members, found, strict=True)
     }
-    return fork, {unit.index: record}
+
+
+def bundle_record_fields(_atlas: object, _unit: object, result: dict[str, BundledPose]) -> dict[str, object]:
+    """Return the fields of the record of a bundle; its poses are kept nowhere else."""
+    return {"together": result}
 
 
 def _refined_fields(scene: Scene, one: BundlePanorama, found: JointPose) -> PoseFieldsFromBundle:

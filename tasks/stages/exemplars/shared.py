@@ -7,7 +7,7 @@ import json
 import logging
 import zipfile
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -41,7 +41,7 @@ class PreparedExemplar(NamedTuple):
     seconds: dict[str, float]
 
 
-def read_shared_exemplar(run: Run, unit: Unit) -> PreparedExemplar | None:
+def read_shared_exemplar(run: Run, unit: Unit[Any]) -> PreparedExemplar | None:
     """Read an exemplar that another block of the city prepared; None outside a city, and if there is none of its key."""
     if not run.shared:
         return None
@@ -58,7 +58,7 @@ def read_shared_exemplar(run: Run, unit: Unit) -> PreparedExemplar | None:
         return None
 
 
-def write_shared_exemplar(run: Run, unit: Unit, prepared: PreparedExemplar) -> None:
+def write_shared_exemplar(run: Run, unit: Unit[Any], prepared: PreparedExemplar) -> None:
     """Write an exemplar for the other blocks of the city; has no effect outside a city."""
     if not run.shared:
         return
@@ -80,5 +80,5 @@ def write_shared_exemplar(run: Run, unit: Unit, prepared: PreparedExemplar) -> N
         log.debug("the exemplar %s cannot be shared: %s", unit.name, error)
 
 
-def _shared_file(run: Run, unit: Unit) -> Folder:
+def _shared_file(run: Run, unit: Unit[Any]) -> Folder:
     return join_path(folder_at(run.shared), f"exemplars/{hash_name(unit.name):08x}.npz")

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import time
-from dataclasses import asdict
-from typing import cast
+from dataclasses import asdict, dataclass
+from pathlib import Path
 
 import numpy as np
 from icechunk import ForkSession
 
 from facade_core.atlas.journal import Record, read_records
 from facade_core.atlas.store import open_root
+from facade_core.atlas.stored_files import digest_stored_file, exemplar_folder
 from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.atlas_spec import ArraySpec
 from facade_core.core.errors import ImageError, StoreError
 from facade_core.core.labels import FLAGS, FacadeClass
 from facade_core.core.resizing import resize_with_labels
+from facade_core.core.types import Privacy, TrainedModelFiles
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.export.pictures.occlusion_overlay import draw_crop_preview
 from facade_core.facade.exemplar import Exemplar, prepare_exemplar
@@ -24,9 +26,10 @@ from facade_core.imagery.privacy import apply_privacy
 from facade_core.imagery.rectify.level_lines import find_unrectified_slope
 from facade_core.imagery.rectify.no_data import no_data_mask
 from facade_core.plan.exemplar_style import style_descriptor
-from tasks.engine.context import current_worker_name
+from tasks.engine.atlas import Atlas
+from tasks.engine.inputs import MODELS_CHANGED, PICTURE_CHANGED, SETTINGS_CHANGED, input_field
+from tasks.engine.processing import process_unit
 from tasks.engine.run import Run
-from tasks.engine.seeds import EXEMPLAR_SEED, unit_seed
 from tasks.engine.unit import Unit, UnitGroup
 from tasks.stages.exemplars.record import ExemplarFacts, ExemplarRecord
 from tasks.stages.exemplars.shared import PreparedExemplar, read_shared_exemplar, write_shared_exemplar
@@ -41,50 +44,66 @@ PREVIEW = ArraySpec(
 LABELS = ArraySpec("labels", ("row", "column"), "uint8", "class id as in facade_core.core.labels, 255 unknown", FLAGS)
 
 
-def process_exemplar(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSession, dict[int, Record]]:
-    """Prepare one exemplar and write its image and labels through the fork; returns the fork and the record.
+@dataclass(frozen=True)
+class ExemplarInputs:
+    """Inputs of an exemplar.
 
-    In a city, what another block has prepared is read.
+    Attributes
+    ----------
+    picture : its picture.
+    labels : the label map beside it.
+    models : trained models; an exemplar is parsed and not completed.
+    storey : height of a storey, metres.
+    texels_per_metre : density of the block.
+    privacy : treatment of people and cars.
+    seed : seed of its random choices.
     """
-    start = time.time()
+
+    picture: Path = input_field(PICTURE_CHANGED)
+    labels: Path | None = input_field(PICTURE_CHANGED)
+    models: TrainedModelFiles = input_field(MODELS_CHANGED)
+    storey: float = input_field(SETTINGS_CHANGED)
+    texels_per_metre: float = input_field(SETTINGS_CHANGED)
+    privacy: Privacy = input_field(SETTINGS_CHANGED)
+    seed: int = input_field(SETTINGS_CHANGED)
+
+
+def process_exemplar(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSession, dict[int, Record]]:
+    """Prepare one exemplar and write it through the fork; in a city, what another block has prepared is read."""
     (unit,) = units
     known = read_shared_exemplar(run, unit)
-    prepared = known or prepare_picture(run, unit)
+    prepared = known or prepare_picture(unit.inputs)
     if known is None:
         write_shared_exemplar(run, unit, prepared)
-    begun, group = time.time(), open_root(fork)
-    for spec, array in zip((IMAGE, LABELS, PREVIEW), (prepared.image, prepared.labels, prepared.preview), strict=True):
-        spec.write(group, f"exemplars/{unit.index}", array)
-    spent = {"read": begun - start} if known else prepared.seconds
-    seconds = {step: round(s, 4) for step, s in (spent | {"write": time.time() - begun}).items()}
-    common: Record = {
-        "unit": unit.name,
-        "key": unit.key,
-        "status": "done",
-        "worker": current_worker_name(),
-        "started": start,
-        "seconds": seconds,
-    }
-    record = cast(ExemplarRecord, {**common, **prepared.facts})
-    return fork, {unit.index: record}
+    atlas = Atlas(run, open_root(fork))
+    return fork, {unit.index: process_unit(lambda inputs: prepared, write_exemplar, atlas, unit, is_whole=True)}
 
 
-def prepare_picture(run: Run, unit: Unit) -> PreparedExemplar:
+def write_exemplar(atlas: Atlas, unit: Unit[ExemplarInputs], prepared: PreparedExemplar) -> dict[str, object]:
+    """Write the image, labels and preview of an exemplar; returns the fields of its record."""
+    folder, files = exemplar_folder(unit.name), {}
+    arrays = (prepared.image, prepared.labels, prepared.preview)
+    for spec, array in zip((IMAGE, LABELS, PREVIEW), arrays, strict=True):
+        spec.write(atlas.group, folder, array)
+        files[f"{folder}/{spec.path}"] = digest_stored_file(np.ascontiguousarray(array).data)
+    return {"seconds": prepared.seconds, "files": files, **prepared.facts}
+
+
+def prepare_picture(inputs: ExemplarInputs) -> PreparedExemplar:
     """Read, parse, complete and measure an exemplar, and resample it to the block's density."""
     start = time.time()
-    (path,) = unit.arguments
-    picture = read_exemplar_picture(path)
+    picture = read_exemplar_picture(inputs.picture)
     hidden = picture.hidden | no_data_mask(picture.rgb)
     private = detect_faces_plates_text(picture.rgb).private_mask(hidden.shape)
     seconds = {"read": time.time() - start}
     prepared = prepare_exemplar(
         picture.rgb,
         hidden,
-        floor_height=run.storey,
+        floor_height=inputs.storey,
         private=private,
-        labels=read_labels(path, hidden.shape),
-        models=run.models,
-        seed=unit_seed(run, unit.name, EXEMPLAR_SEED),
+        labels=read_labels(inputs.picture, hidden.shape),
+        models=inputs.models,
+        seed=inputs.seed,
     )
     x0, y0, x1, y1 = prepared.box
     slope = find_unrectified_slope(picture.rgb[y0:y1, x0:x1], hidden[y0:y1, x0:x1] | prepared.occluded)
@@ -93,12 +112,12 @@ def prepare_picture(run: Run, unit: Unit) -> PreparedExemplar:
             f"its level lines slope by {slope:.0f} degrees; it is not rectified: `streetloom harvest` makes exemplars from "
             "street photos"
         )
-    factor = prepared.metres_per_pixel * run.texture.texels_per_metre
+    factor = prepared.metres_per_pixel * inputs.texels_per_metre
     height, width = (max(8, round(side * factor)) for side in prepared.labels.shape)
     shrink = min(1.0, MAX_EXEMPLAR_SIDE / max(height, width))
     size = (round(width * shrink), round(height * shrink))
     texture, labels = resize_with_labels(prepared.image, prepared.labels, size[::-1])
-    metres_per_texel = 1 / (run.texture.texels_per_metre * shrink)
+    metres_per_texel = 1 / (inputs.texels_per_metre * shrink)
     facts: ExemplarFacts = {
         "width_m": size[0] * metres_per_texel,
         "height_m": size[1] * metres_per_texel,
@@ -115,17 +134,15 @@ def prepare_picture(run: Run, unit: Unit) -> PreparedExemplar:
         "metres_per_pixel": prepared.metres_per_pixel,
         "looked": detectors_available(),
     }
-    preview = _draw_preview(run, picture.rgb, private, prepared)
+    preview = _draw_preview(inputs.privacy, picture.rgb, private, prepared)
     return PreparedExemplar(texture, labels, preview, facts, seconds | prepared.seconds)
 
 
-def _draw_preview(run: Run, given: UInt8Array, private: BoolArray, prepared: Exemplar) -> UInt8Array:
+def _draw_preview(privacy: Privacy, given: UInt8Array, private: BoolArray, prepared: Exemplar) -> UInt8Array:
     """Draw a picture as given, with its cropped and completed parts marked, under the block's privacy setting."""
     x0, y0, x1, y1 = prepared.box
-    shown = apply_privacy(given, private, run.privacy, 1 / prepared.metres_per_pixel).copy()
-    shown[y0:y1, x0:x1] = apply_privacy(
-        prepared.evidence, prepared.occluded, run.privacy, 1 / prepared.metres_per_pixel
-    )
+    shown = apply_privacy(given, private, privacy, 1 / prepared.metres_per_pixel).copy()
+    shown[y0:y1, x0:x1] = apply_privacy(prepared.evidence, prepared.occluded, privacy, 1 / prepared.metres_per_pixel)
     return draw_crop_preview(shown, prepared.occluded, prepared.box)
 
 
@@ -145,4 +162,5 @@ def read_exemplar(group: StoreGroup, index: int) -> tuple[UInt8Array, UInt8Array
     (record,) = read_records(group, "exemplars", np.array([index]), ExemplarRecord)
     if record is None:
         raise StoreError(f"exemplar {index} has no record; the next run makes it again")
-    return group[f"exemplars/{index}/image"][:], group[f"exemplars/{index}/labels"][:], record["metres_per_texel"]
+    folder = exemplar_folder(record["unit"])
+    return group[f"{folder}/image"][:], group[f"{folder}/labels"][:], record["metres_per_texel"]

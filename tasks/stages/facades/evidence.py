@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from itertools import compress
@@ -61,7 +61,7 @@ def read_evidence(
     chart: int,
     size: tuple[int, int],
     imagery: FacadeImagery,
-    textures: Sequence[Path],
+    textures: Mapping[int, Path],
     refused: list[Exception],
     parser: Path | None = None,
 ) -> Evidence | None:
@@ -69,8 +69,9 @@ def read_evidence(
 
     Parameters
     ----------
-    source : as in `FacadeImagery.sources`.
+    source : as of `iterate_sources`.
     size : height and width of the raster.
+    textures : pictures of the model on the chart, by number.
     refused : errors of single pictures of several are appended.
     parser : model file in place of the shipped one.
 
@@ -82,7 +83,7 @@ def read_evidence(
         return read_facade_photo(imagery.photo, imagery.rectified, size, parser)
     if source == "panoramas":
         return _fuse_panoramas(plan, chart, size, imagery, refused, parser)
-    images = read_textures(textures, plan.scene.mesh.texture[plan.scene.mesh.chart_triangles(chart)], refused)
+    images = read_textures(textures, refused)
     image, covered = render_model_texture(plan.scene, chart, images)
     if not _shows_enough(plan, chart, covered, has_other=False):
         return None

@@ -16,11 +16,9 @@ from facade_core.facade.texture.ground_floor import replace_shops_by_windows
 from facade_core.facade.texture.retargeting import ExemplarAnalysis, analyse_exemplar
 from facade_core.facade.texture.roof_removal import cut_off_roof
 from facade_core.plan.facade_walls import facade_wall
-from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
-from tasks.engine.seeds import BUILDING_SEED, FACADE_SEED, unit_seed
-from tasks.engine.unit import Unit
 from tasks.stages.exemplars.worker import read_exemplar
+from tasks.stages.facades.imagery import FacadeInputs
 from tasks.stages.facades.pictured_style import PicturedStyle
 
 # Pixels of the exemplars that are kept; each takes 4 bytes, besides the tables of its lattice.
@@ -82,51 +80,51 @@ def load_exemplar_analysis(
     return analysed
 
 
-def build_unit_from_exemplar(
-    run: Run,
-    plan: Plan,
+def build_wall_from_exemplar(
     group: StoreGroup,
-    unit: Unit,
+    facade: int,
+    inputs: FacadeInputs,
     size: tuple[int, int],
     wall_colour: Float64Array | None = None,
     own: PicturedStyle | None = None,
 ) -> Facade | None:
-    """Build the facade of a unit in the style of its exemplar; None where it is left to the street stage.
+    """Build a facade in the style of its exemplar; None where it is left to the street stage.
 
     Parameters
     ----------
-    run : run of the unit.
-    plan : its plan.
     group : root of the store.
-    unit : unit of stage `facades`.
+    facade : index of the facade.
     size : (h, w) of the raster.
     wall_colour : (3,) 0..255, of the building's walls where photos show it.
     own : style of the building's own pictured facade, taken instead of the exemplar.
 
     Raises
     ------
-    FacadeError : the unit has no exemplar.
+    FacadeError : the facade has no exemplar.
     """
-    facades, number, imagery = plan.facades, unit.index, unit.arguments[0]
-    if run.texture.walls == "translate" or not imagery.corrected.facade:
+    if inputs.walls == "translate" or not inputs.corrected.facade:
         return None
-    if imagery.exemplar is None:
+    plan, exemplar = inputs.house_view.plan, inputs.exemplar
+    facades = plan.facades
+    if exemplar is None:
         raise FacadeError(
-            f"facade {facades.id[number]}: no picture of it and no usable exemplar; add either to the block's imagery"
+            f"facade {facades.id[facade]}: no picture of it and no usable exemplar; add either to the block's imagery"
         )
-    exemplar, along = imagery.exemplar[0], float(facades.along[number])
+    along = float(facades.along[facade])
     if own is not None:
         style = whole = own.style
         metres_per_texel = own.metres_per_pixel
     else:
-        roof = not facades.roofed[number]
-        whole, metres_per_texel = load_exemplar_analysis(run, group, exemplar, shops=True, roof=roof)
-        style = whole if imagery.shops else load_exemplar_analysis(run, group, exemplar, shops=False, roof=roof)[0]
+        run, roof = inputs.house_view.run, not facades.roofed[facade]
+        whole, metres_per_texel = load_exemplar_analysis(run, group, exemplar.index, shops=True, roof=roof)
+        style = whole
+        if not inputs.shops:
+            style, _ = load_exemplar_analysis(run, group, exemplar.index, shops=False, roof=roof)
     return build_facade_from_exemplar(
         ScaledStyle(style, metres_per_texel, whole),
-        facade_wall(plan.scene, facades, number, imagery.entrances),
+        facade_wall(plan.scene, facades, facade, inputs.entrances),
         size,
-        span=(along, along + float(facades.width[number])),
-        paint=BuildingPaint(unit_seed(run, str(facades.house[number]), BUILDING_SEED), wall_colour),
-        seed=unit_seed(run, facades.id[int(facades.run[number])], FACADE_SEED),
+        span=(along, along + float(facades.width[facade])),
+        paint=BuildingPaint(inputs.building_seed, wall_colour),
+        seed=inputs.wall_seed,
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -37,7 +37,7 @@ def measure_pictured_colour(facade: Facade, texels_per_metre: float) -> list[flo
 
 
 def level_exposures(
-    group: StoreGroup, plan: Plan, records: dict[int, Record], neighbours: Mapping[int, Sequence[int]]
+    group: StoreGroup, plan: Plan, records: dict[int, Record], neighbours: Mapping[int, Callable[[], Sequence[int]]]
 ) -> None:
     """Bring the photographed facades of a building to one exposure, in the store and in their records.
 
@@ -46,7 +46,7 @@ def level_exposures(
     group : root of the store, with the facades as they are pictured.
     plan : its plan.
     records : records of the facades that were written now; changed in place.
-    neighbours : of each of them, the other facades of its building with pictures.
+    neighbours : of each of them, returns the other facades of its building with pictures.
     """
     for facade in neighbours:
         own = _find_pictured_wall(records.get(facade))
@@ -54,7 +54,7 @@ def level_exposures(
             continue
         others = [
             _find_pictured_wall(records.get(other) or read_records(group, "facades", np.array([other]))[0])
-            for other in neighbours[facade]
+            for other in neighbours[facade]()
         ]
         walls = [own, *(wall for wall in others if wall is not None)]
         slope = level_wall_colours([wall.colour for wall in walls], [wall.exposure for wall in walls])[0]
@@ -100,5 +100,5 @@ def _lighten(group: StoreGroup, plan: Plan, facade: int, record: FacadeRecord, s
         hierarchy = encode(image, [Element(*row) for row in record["elements"]])
         file = hierarchy.to_bytes()
         write_stored_file(group, record["variation_file"], file, f"variations of {plan.facades.id[facade]}")
-        record["variation_digest"] = digest_stored_file(file)
+        record["variation_digest"] = record["files"][record["variation_file"]] = digest_stored_file(file)
         cast(dict[str, object], record).update(count_variations(hierarchy))

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from facade_core.atlas.journal import read_journal
-from tasks.engine.pending_reasons import REASONS
+from tasks.engine.inputs import PANORAMAS_CHANGED, split_key
 from tasks.engine.stage import ForecastInputs, StageForecast
-from tasks.engine.unit_key import split_key
 from tasks.stages.bundles.stage import bundle_members
+from tasks.stages.facades.imagery import EXEMPLAR_CHANGED, HOUSE_CHANGED
 from tasks.stages.facades.record import FacadeRecord
 from tasks.stages.shared.captures import facade_panoramas_by_capture
 
@@ -23,16 +23,17 @@ def forecast_pending_facades(inputs: ForecastInputs, own: Mapping[int, str]) -> 
     found = {}
     for facade, record in enumerate(records):
         reason = own.get(facade)
-        if record is not None and exemplars and (reason in (None, REASONS["exemplar"])):
-            reason = REASONS["exemplar"] if record.get("source") in sources else None
+        if record is not None and exemplars and (reason in (None, EXEMPLAR_CHANGED)):
+            reason = EXEMPLAR_CHANGED if record.get("source") in sources else None
         from_panoramas = record is not None and "panoramas" in split_key(record["key"])
         if reason is None and from_panoramas and poses and any(panorama in poses for panorama in shown[facade]):
-            reason = REASONS["panoramas"]
+            reason = PANORAMAS_CHANGED
         if reason is not None:
             found[facade] = reason
+    of_house = {"exposed_with", "coloured_by"}
     building_of = plan.facades.house.tolist()
-    changed = {building_of[facade] for facade, reason in found.items() if reason == REASONS["panoramas"]}
+    changed = {building_of[facade] for facade, reason in found.items() if reason == PANORAMAS_CHANGED}
     for facade, record in enumerate(records):
-        if record is not None and building_of[facade] in changed and "house" in split_key(record["key"]):
-            found.setdefault(facade, REASONS["house"])
+        if record is not None and building_of[facade] in changed and not of_house.isdisjoint(split_key(record["key"])):
+            found.setdefault(facade, HOUSE_CHANGED)
     return StageForecast(dict(sorted(found.items())))

@@ -1,12 +1,46 @@
-"""Pictures of facades."""
+"""Inputs of facades."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from facade_core.core.types import AS_FOUND, FacadeCorrections, Pose
+from facade_core.core.types import AS_FOUND, SHIPPED_MODELS, FacadeCorrections, Pose, Privacy, TrainedModelFiles
+from tasks.engine.inputs import (
+    GEOMETRY_CHANGED,
+    MODELS_CHANGED,
+    PANORAMAS_CHANGED,
+    SETTINGS_CHANGED,
+    SURROUNDINGS_CHANGED,
+    input_field,
+)
+from tasks.stages.shared.scene_view import SceneView
+
+EXEMPLAR_CHANGED = "exemplar changed"
+HOUSE_CHANGED = "pictures of the building changed"
+OWN_TEXTURE_CHANGED = "own texture changed"
+PHOTO_CHANGED = "photo changed"
+
+
+@dataclass(frozen=True)
+class ChosenExemplar:
+    """Exemplar of a facade.
+
+    Attributes
+    ----------
+    index : its index in the block.
+    name : its name.
+    key : key of what was prepared from it.
+    """
+
+    index: int
+    name: str
+    key: str = ""
+
+    def digest_content(self) -> tuple[str, str]:
+        """Return what tells it from others, in any block."""
+        return self.name, self.key
 
 
 @dataclass(frozen=True)
@@ -15,6 +49,7 @@ class FacadeImagery:
 
     Attributes
     ----------
+    corrected : its corrections.
     photo : photo of it.
     rectified : whether the photo shows the wall alone and upright; else it is as taken.
     panoramas : panoramas that show it and their poses, best first.
@@ -22,41 +57,77 @@ class FacadeImagery:
     captured : day of each panorama, by path.
     exposure_factors : factors to the common exposure of each panorama that shares ground with others, by path.
     textured : whether its wall carries a texture of the model.
-    exemplar : (index, name) of its exemplar.
+    exemplar : its exemplar.
     is_exemplar_stated : whether a correction names the exemplar, which a pictured facade of the building then leaves alone.
     shops : whether a wall from the exemplar keeps its shops: not where the map has none.
-    corrected : its corrections.
     entrances : mapped doors, metres from the left of the wall.
     """
 
-    photo: Path | None = None
-    rectified: bool = True
-    panoramas: tuple[tuple[Path, Pose], ...] = ()
-    earlier: tuple[tuple[Path, Pose], ...] = ()
-    captured: Mapping[Path, str] = field(default_factory=dict)
-    exposure_factors: Mapping[Path, tuple[float, ...]] = field(default_factory=dict)
-    textured: bool = False
-    exemplar: tuple[int, str] | None = None
-    is_exemplar_stated: bool = False
-    shops: bool = True
-    corrected: FacadeCorrections = AS_FOUND
-    entrances: tuple[float, ...] = ()
+    corrected: FacadeCorrections = input_field("corrected", default=AS_FOUND)
+    photo: Path | None = input_field(PHOTO_CHANGED, new="new photo", default=None)
+    rectified: bool = input_field(PHOTO_CHANGED, default=True)
+    panoramas: tuple[tuple[Path, Pose], ...] = input_field(PANORAMAS_CHANGED, default=())
+    earlier: tuple[tuple[Path, Pose], ...] = input_field("panoramas of an earlier capture changed", default=())
+    captured: Mapping[Path, str] = input_field(PANORAMAS_CHANGED, default_factory=dict)
+    exposure_factors: Mapping[Path, tuple[float, ...]] = input_field(PANORAMAS_CHANGED, default_factory=dict)
+    textured: bool = input_field(OWN_TEXTURE_CHANGED, default=False)
+    exemplar: ChosenExemplar | None = input_field(EXEMPLAR_CHANGED, default=None)
+    is_exemplar_stated: bool = input_field(EXEMPLAR_CHANGED, default=False)
+    shops: bool = input_field(EXEMPLAR_CHANGED, default=True)
+    entrances: tuple[float, ...] = input_field("entrances of the map changed", default=())
 
     @property
     def is_photographed(self) -> bool:
         """Return whether a photo or panoramas show it."""
         return self.corrected.facade and bool(self.photo or self.panoramas or self.earlier)
 
-    def sources(self) -> tuple[str, ...]:
-        """Return the sources in the order of trying: the next one is used where one fails or shows too little.
 
-        A wall that a correction declares plain has none.
-        """
-        if not self.corrected.facade:
-            return ("none",)
-        there = {
-            "photo": self.photo is not None,
-            "panoramas": bool(self.panoramas or self.earlier),
-            "own": self.textured,
-        }
-        return (*(source for source, given in there.items() if given), "none")
+@dataclass(frozen=True, kw_only=True)
+class FacadeInputs(FacadeImagery):
+    """Inputs of one facade.
+
+    Attributes
+    ----------
+    own : its wall with the texture of the model that it carries; None without one.
+    view : its wall as pictures show it.
+    between : what may stand between it and its panoramas.
+    house_view : its wall and those around it, to which a wall from an exemplar fits.
+    exposed_with : keys of the photographed facades of the building, which take one exposure.
+    coloured_by : keys of the pictured facades of the building, which give colour and style to the others.
+    models : trained models.
+    walls : how walls without pictures are textured.
+    privacy : treatment of people and cars.
+    seed, wall_seed, building_seed : seeds of the facade, of its wall and of its building.
+    texture_files : files of `own`, by their number in the model.
+    beside : the other facades of the building with pictures, by index.
+    """
+
+    own: SceneView | None = input_field(OWN_TEXTURE_CHANGED)
+    between: SceneView = input_field(SURROUNDINGS_CHANGED)
+    house_view: SceneView = input_field(SURROUNDINGS_CHANGED)
+    models: TrainedModelFiles = input_field(MODELS_CHANGED, default=SHIPPED_MODELS)
+    view: SceneView = input_field(GEOMETRY_CHANGED)
+    walls: str = input_field("block's texture.walls changed")
+    privacy: Privacy = input_field(SETTINGS_CHANGED)
+    seed: int = input_field(SETTINGS_CHANGED)
+    wall_seed: int = input_field(SETTINGS_CHANGED)
+    building_seed: int = input_field(SETTINGS_CHANGED)
+    exposed_with: tuple[str, ...] = input_field(HOUSE_CHANGED, default=())
+    coloured_by: tuple[str, ...] = input_field(HOUSE_CHANGED, default=())
+    texture_files: Mapping[int, Path] = field(default_factory=dict)
+    beside: tuple[int, ...] = field(default=())
+
+
+def iterate_sources(imagery: FacadeImagery) -> Iterator[str]:
+    """Iterate over the pictures of a facade in the order of trying: the next is used where one fails or shows too little.
+
+    Looks at no picture before it is asked for. A wall that a correction declares plain has none.
+    """
+    if not imagery.corrected.facade:
+        return
+    if imagery.photo is not None:
+        yield "photo"
+    if imagery.panoramas or imagery.earlier:
+        yield "panoramas"
+    if imagery.textured:
+        yield "own"

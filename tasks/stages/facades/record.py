@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import cast
-
 from facade_core.atlas.journal import Record
 from facade_core.facade.variation.hierarchy import Hierarchy
 
@@ -64,13 +62,6 @@ class FacadeRecord(Record, total=False):
     variation_levels: int
     variation_file: str
     variation_digest: str
-
-
-def facade_file_digests(unit: int, record: Record) -> dict[str, str]:
-    """Return the stored files of a facade that is done, path -> digest."""
-    facade = cast(FacadeRecord, record)
-    files = {facade["variation_file"]: facade["variation_digest"]} if "variation_file" in facade else {}
-    return files | ({facade["before_file"]: facade["before_digest"]} if "before_file" in facade else {})
 
 
 def count_variations(hierarchy: Hierarchy) -> dict[str, int]:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Sequence, Set
+from dataclasses import fields, replace
 from pathlib import Path
-from typing import cast
 
 import numpy as np
 import shapely
@@ -13,32 +13,31 @@ from catalogs.block.part import MAX_ENTRANCE_DISTANCE_M, CityPart
 from catalogs.block.reader import Block
 from catalogs.readers.pictures.folders import find_facade_photo
 from facade_core.atlas.journal import Record, read_journal
-from facade_core.atlas.store import open_table
-from facade_core.atlas.stored_files import EARLIER, HIERARCHIES, delete_stored_files_except
 from facade_core.core.arrays import Int64Array
 from facade_core.core.name_hash import hash_name
 from facade_core.core.types import AS_FOUND, Pose, Street
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.settings import FACADE_WALLS
 from facade_core.imagery.cameras.exposure import estimate_common_exposure
+from facade_core.plan.doors import has_back_door, is_corner_facade
 from facade_core.plan.exemplar_choice import ExemplarTargetWalls, choose_exemplars
 from facade_core.plan.exemplar_inputs import target_walls_from_outlines
 from facade_core.plan.exemplar_style import ExemplarLibrary
 from facade_core.plan.plan import Plan
+from tasks.engine.inputs import digest_inputs, join_key
 from tasks.engine.run import Run
-from tasks.engine.stage import IntegrityInputs, Records, ReingestContext, Stage, is_done_record
-from tasks.engine.store.missing_chunks import find_charts_with_missing_chunks
+from tasks.engine.seeds import BUILDING_SEED, FACADE_SEED, unit_seed
+from tasks.engine.stage import Stage, UnitOutline
 from tasks.engine.unit import Unit
 from tasks.stages.bundles.nearby_panoramas import ground_squares
 from tasks.stages.bundles.refined_poses import is_rejected_panorama, pose_from_record, read_bundled_pose_records
 from tasks.stages.exemplars.record import ExemplarRecord
 from tasks.stages.facades.forecast import forecast_pending_facades
-from tasks.stages.facades.imagery import FacadeImagery
-from tasks.stages.facades.keys import add_house_to_key, facade_keys
-from tasks.stages.facades.record import FacadeRecord, facade_file_digests
+from tasks.stages.facades.imagery import ChosenExemplar, FacadeImagery, FacadeInputs, iterate_sources
 from tasks.stages.facades.worker import process_facades
 from tasks.stages.shared.captures import facade_panoramas_by_capture
 from tasks.stages.shared.facade_corrections import match_corrections
+from tasks.stages.shared.key_parts import bounding_box, object_digests_between, textures_of_charts, view_own_textures
 from tasks.stages.shared.memory import (
     FACADE_TEXEL,
     LIBRARY_BYTES,
@@ -47,6 +46,7 @@ from tasks.stages.shared.memory import (
     detector_memory,
     peak_decoding_bytes,
 )
+from tasks.stages.shared.scene_view import SceneView, view_charts
 
 # A shop is behind the nearest wall, at most so far, metres: maps put it into the building or before it.
 MAX_SHOP_DISTANCE_M = 15.0
@@ -54,42 +54,72 @@ MAX_SHOP_DISTANCE_M = 15.0
 _FOOT_CORNERS = np.array([[0.0, 1.0], [1.0, 1.0]])
 
 
-def list_facade_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
-    """List the units of stage `facades`, with keys by refined poses and prepared exemplars."""
+def list_facade_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit[FacadeInputs]]:
+    """List the units of stage `facades`, by refined poses and prepared exemplars."""
     imagery = select_imagery_per_facade(run, block, plan, group)
-    exemplars = {
-        i: r["key"]
-        for i, r in enumerate(read_journal(group, "exemplars", ExemplarRecord))
-        if r and r["status"] == "done"
-    }
+    inputs = [facade_inputs(run, plan, index, pictures, block.textures) for index, pictures in enumerate(imagery)]
     charts, texels = plan.facades.chart.tolist(), plan.texel_counts()
-    keys = [
-        facade_keys(run, plan, index, pictures, exemplars, block.textures) for index, pictures in enumerate(imagery)
-    ]
+    keys = [pictures_key(one) for one in inputs]
     together = _first_buildings(plan)
     units = []
-    for index, (pictures, beside) in enumerate(zip(imagery, _pictured_neighbours(plan, imagery), strict=True)):
-        *first, last = keys[index]
-        # which of its pictures a wall beside is made from is told by all of them: the last but its exemplar's
-        if pictures.exemplar is not None:
-            last = add_house_to_key(last, [keys[other][-2] for other in beside])
-        photographed = [keys[other][-2] for other in beside if imagery[other].is_photographed]
-        first = [
-            add_house_to_key(key, photographed) if source != "own" else key
-            for key, source in zip(first, pictures.sources(), strict=False)
-        ]
-        units.append(
-            Unit(
-                index,
-                plan.facades.id[index],
-                (*first, last),
-                (pictures, block.textures, beside),
-                facade_memory(int(texels[charts[index]]), pictures),
-                (charts[index],),
-                group_id=together[index],
-            )
+    for index, (one, beside) in enumerate(zip(inputs, _pictured_neighbours(plan, imagery), strict=True)):
+        house = replace(
+            one,
+            exposed_with=tuple(keys[other] for other in beside if inputs[other].is_photographed),
+            coloured_by=tuple(keys[other] for other in beside),
+            beside=beside,
         )
+        memory = facade_memory(int(texels[charts[index]]), one)
+        units.append(Unit(index, plan.facades.id[index], house, memory, (charts[index],), together[index]))
     return units
+
+
+def facade_inputs(run: Run, plan: Plan, facade: int, imagery: FacadeImagery, textures: Sequence[Path]) -> FacadeInputs:
+    """Return the inputs of a facade, without the others of its building.
+
+    Parameters
+    ----------
+    facade : index of the facade.
+    imagery : its pictures.
+    textures : files of the model's textures.
+    """
+    table, placement = plan.facades, plan.scene.placement
+    chart = int(table.chart[facade])
+    shape = (int(placement.width[chart]), int(placement.height[chart]))
+    size = (float(table.width[facade]), float(table.height[facade]), int(table.floors[facade]))
+    position = (float(table.along[facade]), int(table.role[facade]), float(plan.street_density[chart]))
+    joint = FACADE_WALLS.max_joint_m
+    low, high = bounding_box(plan, table.chart[table.run_members(facade)].tolist())
+    house = (
+        float(table.foot[facade]),
+        float(table.eaves[facade]),
+        int(table.storeys[facade]),
+        bool(table.raised[facade]),
+        bool(table.roofed[facade]),
+        is_corner_facade(plan.scene.charts, table, facade),
+        has_back_door(table, facade),
+    )
+    poses = [pose for _, pose in (*imagery.panoramas, *imagery.earlier)]
+    return FacadeInputs(
+        **{one.name: getattr(imagery, one.name) for one in fields(FacadeImagery)},
+        own=view_own_textures(run, plan, [chart], textures) if imagery.textured else None,
+        view=view_charts(run, plan, [chart], table.id[facade], shape, size, position),
+        between=SceneView(run, (chart,), tuple(tuple(object_digests_between(plan, [chart], pose)) for pose in poses)),
+        house_view=SceneView(run, (chart,), (*house, *plan.scene_objects.digests_in_box(low - joint, high + joint))),
+        models=replace(run.models, translator=None),
+        walls=run.texture.walls,
+        privacy=run.privacy,
+        seed=unit_seed(run, table.id[facade], FACADE_SEED),
+        wall_seed=unit_seed(run, table.id[int(table.run[facade])], FACADE_SEED),
+        building_seed=unit_seed(run, str(table.house[facade]), BUILDING_SEED),
+        texture_files=textures_of_charts(plan, [chart], textures) if imagery.textured else {},
+    )
+
+
+def pictures_key(inputs: FacadeInputs) -> str:
+    """Return the key of a facade as its pictures give it, by which the others of its building follow it."""
+    exemplar = {"exemplar", "is_exemplar_stated", "shops", "house_view", "walls", "wall_seed", "building_seed"}
+    return join_key({name: digest for name, digest in digest_inputs(inputs).items() if name not in exemplar})
 
 
 def _first_buildings(plan: Plan) -> list[int]:
@@ -106,7 +136,7 @@ def _pictured_neighbours(plan: Plan, imagery: Sequence[FacadeImagery]) -> list[t
     pictured: dict[int, list[int]] = {}
     houses = plan.facades.house.tolist()
     for facade, (house, pictures) in enumerate(zip(houses, imagery, strict=True)):
-        if pictures.sources()[0] != "none":
+        if next(iterate_sources(pictures), None) is not None:
             pictured.setdefault(house, []).append(facade)
     return [tuple(other for other in pictured.get(house, ()) if other != facade) for facade, house in enumerate(houses)]
 
@@ -162,8 +192,8 @@ def select_imagery_per_facade(run: Run, block: Block, plan: Plan, group: StoreGr
 
 def _facade_exemplars(
     run: Run, block: Block, plan: Plan, group: StoreGroup, shops: Int64Array
-) -> tuple[dict[int, tuple[int, str]], Set[int]]:
-    """Return the exemplar (index, name) of each facade, empty if the block takes none, and the facades with a corrected one."""
+) -> tuple[dict[int, ChosenExemplar], Set[int]]:
+    """Return the exemplar of each facade, empty if the block takes none, and the facades with a corrected one."""
     if run.texture.walls != "exemplar":
         return {}, set()
     records = read_journal(group, "exemplars", ExemplarRecord)
@@ -172,14 +202,14 @@ def _facade_exemplars(
     return chosen | stated, stated.keys()
 
 
-def _corrected_exemplars(plan: Plan, block: Block, records: Sequence[Record | None]) -> dict[int, tuple[int, str]]:
+def _corrected_exemplars(plan: Plan, block: Block, records: Sequence[Record | None]) -> dict[int, ChosenExemplar]:
     """Return the exemplars that corrections name for the buildings of facades, if they could be prepared."""
-    usable = {record["unit"]: index for index, record in enumerate(records) if record and record["status"] == "done"}
+    usable = {one.name: one for one in (_chosen(i, r) for i, r in enumerate(records) if r and r["status"] == "done")}
     found = {}
     for facade, building in enumerate(plan.facades.building.tolist()):
         name = block.corrections.value_correction(plan.scene.names[building], "exemplar")
         if name in usable:
-            found[facade] = usable[name], name
+            found[facade] = usable[name]
     return found
 
 
@@ -247,7 +277,7 @@ def exemplar_choice_walls(plan: Plan, block: Block, shops: Int64Array) -> Exempl
 
 def choose_facade_exemplars(
     plan: Plan, records: Sequence[ExemplarRecord | None], walls: ExemplarTargetWalls, *, seed: int
-) -> dict[int, tuple[int, str]]:
+) -> dict[int, ChosenExemplar]:
     """Choose an exemplar for every facade, by its building among the walls.
 
     Pictures do not count: a photo that comes, goes or is rejected changes its own facade and the colour of its building, but no
@@ -255,7 +285,7 @@ def choose_facade_exemplars(
 
     Returns
     -------
-    chosen : (index, name) by facade; empty if no exemplar could be prepared.
+    chosen : exemplar by facade; empty if none could be prepared.
     """
     usable = [(i, r) for i, r in enumerate(records) if r and r["status"] == "done"]
     facades = plan.facades
@@ -264,7 +294,11 @@ def choose_facade_exemplars(
     chosen = choose_exemplars(walls, exemplar_library([record for _, record in usable]), seed=seed)
     of_house = dict(zip(walls.building.tolist(), chosen.tolist(), strict=True))
     own = [usable[of_house[number]] for number in facades.house.tolist()]
-    return {facade: (index, record["unit"]) for facade, (index, record) in enumerate(own)}
+    return {facade: _chosen(index, record) for facade, (index, record) in enumerate(own)}
+
+
+def _chosen(index: int, record: Record) -> ChosenExemplar:
+    return ChosenExemplar(index, record["unit"], record["key"])
 
 
 def exemplar_library(records: Sequence[ExemplarRecord]) -> ExemplarLibrary:
@@ -287,37 +321,6 @@ def _street_numbers(streets: Sequence[Street]) -> Int64Array:
     return np.array([hash_name(street.name or street.id) for street in streets], np.int64)
 
 
-def _match_previous(change: ReingestContext) -> dict[int, int]:
-    """Match facades with the same name on a chart that stays; the charts of others stay no longer."""
-    before, after = change.before.facades, change.after.facades
-    at = dict(zip(before.id, range(len(before)), strict=True))
-    again = {}
-    for facade, (name, chart) in enumerate(zip(after.id, after.chart.tolist(), strict=True)):
-        if chart not in change.stays:
-            continue
-        if name in at and int(before.chart[at[name]]) == change.stays[chart]:
-            again[facade] = at[name]
-        else:
-            del change.stays[chart]
-    return again
-
-
-def _relocate(change: ReingestContext, again: Mapping[int, int], records: Records) -> Records:
-    """Keep facades that are known by name and stand on another chart now as stale: they are pending."""
-    names = change.after.facades.id
-    keys = {record["unit"]: record["key"] for record in change.records["facades"] if record}
-    for index, name in enumerate(names):
-        if records[index] is None and name in keys:
-            records[index] = Record(unit=name, key=keys[name], status="stale", reason="its geometry changed")
-    # delete files without a record: of removed facades, or of facades without variations now
-    told = {path for index, record in enumerate(records) for path in FACADES.unit_files(index, record)}
-    for folder in (HIERARCHIES, EARLIER):
-        delete_stored_files_except(
-            change.group, folder, {path.rpartition("/")[2] for path in told if path.startswith(f"{folder}/")}
-        )
-    return records
-
-
 def facade_memory(texels: int, imagery: FacadeImagery) -> int:
     """Return the bytes that texturing a facade takes at most."""
     panoramas = [path for path, _ in (*imagery.panoramas, *imagery.earlier)]
@@ -327,31 +330,13 @@ def facade_memory(texels: int, imagery: FacadeImagery) -> int:
     return least + max(texels * FACADE_TEXEL, *map(peak_decoding_bytes, tried)) + kept * PICTURE_PIXEL
 
 
-def _find_lost(store: IntegrityInputs) -> list[int]:
-    """Find facades that are done in every texel, and of whose chart a chunk is not listed."""
-    records = cast(Sequence[FacadeRecord | None], store.records["facades"])
-    complete = [i for i, r in enumerate(records) if is_done_record(r) and r and r.get("provenance", [1])[0] == 0]
-    if not complete:
-        return []
-    chart_of = open_table(store.session, "facades").chart.values
-    lost = find_charts_with_missing_chunks(store.session, "atlas/seed_evidence", chart_of[complete].tolist())
-    return [f for f in complete if int(chart_of[f]) in lost]
-
-
 FACADES = Stage(
     "facades",
     "facade",
-    count=lambda block, plan: len(plan.facades),
-    match_previous=_match_previous,
-    units=list_facade_units,
-    function=process_facades,
-    reads=("poses", "bundles", "exemplars"),
-    writes_base_layer=True,
-    in_every_block=True,
-    relocate=_relocate,
-    unit_charts=lambda plan: plan.facades.chart[:, None].tolist(),
-    unit_names=lambda plan: plan.facades.id,
-    find_lost=_find_lost,
+    outline=lambda block, plan: [
+        UnitOutline(name, (chart,)) for name, chart in zip(plan.facades.id, plan.facades.chart.tolist(), strict=True)
+    ],
+    inputs=list_facade_units,
+    process=process_facades,
     forecast=forecast_pending_facades,
-    files=facade_file_digests,
 )

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache, partial
 from io import BytesIO
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import numpy as np
 from icechunk import ForkSession
@@ -40,6 +40,7 @@ from facade_core.imagery.rectify.change_detection import ChangeSinceCapture
 from facade_core.parsing.confidence import box_coverage
 from facade_core.plan.plan import Plan
 from tasks.engine.context import current_worker_name, load_run_plan
+from tasks.engine.inputs import join_key, note_reads
 from tasks.engine.outcome import (
     collect_input_errors,
     error_reason,
@@ -48,20 +49,16 @@ from tasks.engine.outcome import (
     rejection_record_fields,
 )
 from tasks.engine.run import Run
-from tasks.engine.seeds import FACADE_SEED, unit_seed
 from tasks.engine.unit import Unit, UnitGroup
 from tasks.stages.facades.evidence import read_evidence
-from tasks.stages.facades.exemplar_facades import build_unit_from_exemplar
+from tasks.stages.facades.exemplar_facades import build_wall_from_exemplar
 from tasks.stages.facades.exposure import first_picture, level_exposures, measure_pictured_colour
+from tasks.stages.facades.imagery import FacadeInputs, iterate_sources
 from tasks.stages.facades.photos import describe_crop
 from tasks.stages.facades.picture_detail import sharpen_from_pictures, working_size
 from tasks.stages.facades.pictured_style import PicturedStyle, select_pictured_style
 from tasks.stages.facades.record import FacadeRecord, count_variations
 from tasks.stages.facades.wall_colour import photo_wall_colour
-
-if TYPE_CHECKING:
-    from tasks.stages.facades.imagery import FacadeImagery
-
 
 # What `facade_core.parsing.confidence.FacadeStatistics` has, as the catalogue names it.
 _ESTIMATED = ("window_to_wall", "windows", "floors")
@@ -72,14 +69,14 @@ class TexturedFacade(NamedTuple):
 
     Attributes
     ----------
-    depth : index of its source in the order of trying.
+    kind : its source as of `iterate_sources`; empty without pictures.
     facade : None if it is left to the street stage.
     source : name of the source.
     confidence : (h, w) uint8.
     evidence : what its pictures show; None without pictures.
     """
 
-    depth: int
+    kind: str
     facade: Facade | None
     source: str
     confidence: UInt8Array
@@ -90,18 +87,19 @@ def process_facades(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[Fork
     """Texture the pending facades of one building, which may share chunks; returns the fork and the records.
 
     If a picture is rejected the next source is taken, and the record names the reason. A facade that cannot be made is recorded
-    as failed; the others of the building are written. Unit arguments: imagery of the facade, texture files of
-    the block, and the
-    other facades of the building with pictures.
+    as failed; the others of the building are written.
     """
     start = time.time()
     plan = load_run_plan(run)
     group = open_root(fork)
     prepared = time.time()
     records: dict[int, Record] = {}
-    left: list[tuple[Unit, list[Exception]]] = []
+    noted: dict[int, tuple[FacadeInputs, set[str]]] = {unit.index: note_reads(unit.inputs) for unit in units}
+    left: list[tuple[Unit[FacadeInputs], list[Exception]]] = []
 
-    def make_and_record(unit: Unit, make: Callable[[], TexturedFacade | None], refused: list[Exception]) -> bool:
+    def make_and_record(
+        unit: Unit[FacadeInputs], make: Callable[[], TexturedFacade | None], refused: list[Exception]
+    ) -> bool:
         """Make a facade and keep its record; False where `make` has none."""
         nonlocal start, prepared
         about: dict[str, object] = {"worker": current_worker_name(), "started": start}
@@ -115,19 +113,23 @@ def process_facades(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[Fork
             if made is None:
                 start = prepared = time.time()
                 return False
-            about |= rejection_record_fields(refused, _describe_source(unit.arguments[0], made.depth, made.source))
+            inputs, _ = noted[unit.index]
+            about |= rejection_record_fields(refused, _describe_source(inputs, made))
             stages = made.facade.seconds if made.facade is not None else {}
             seconds = {"prepare": prepared - start, "read": time.time() - prepared - sum(stages.values()), **stages}
-            about |= _write_facade(run, plan, group, unit, made, seconds)
-            records[unit.index] = Record(unit=unit.name, key=unit.keys[made.depth], status="done", **about)  # type: ignore[typeddict-item]
+            about |= _write_facade(group, plan, unit.index, inputs, made, seconds)
+            records[unit.index] = Record(unit=unit.name, key="", status="done", **about)  # type: ignore[typeddict-item]
         start = prepared = time.time()
         return True
 
     for unit in units:
         refused: list[Exception] = []
-        if not make_and_record(unit, partial(texture_from_pictures, run, plan, unit, refused), refused):
+        make: Callable[[], TexturedFacade | None] = partial(
+            texture_from_pictures, unit.index, noted[unit.index][0], refused
+        )
+        if not make_and_record(unit, make, refused):
             left.append((unit, refused))
-    level_exposures(group, plan, records, {unit.index: unit.arguments[2] for unit in units})
+    level_exposures(group, plan, records, {unit.index: partial(_exposed_with, noted[unit.index][0]) for unit in units})
     wall_colour = cache(partial(photo_wall_colour, group, plan))
 
     def source_name(facade: int) -> str:
@@ -136,22 +138,26 @@ def process_facades(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[Fork
 
     own_style = cache(partial(select_pictured_style, group, plan, source_name))
     for unit, refused in left:  # once those with pictures are there: these take their walls' colour
-        beside = [
-            facade for facade in unit.arguments[2] if facade not in records or records[facade]["status"] == "done"
-        ]
-        make_and_record(
-            unit,
-            partial(_texture_from_exemplar, run, plan, group, unit, wall_colour, own_style, tuple(beside)),
-            refused,
-        )
+        beside = tuple(f for f in unit.inputs.beside if f not in records or records[f]["status"] == "done")
+        make = partial(_texture_from_exemplar, group, unit.index, noted[unit.index][0], wall_colour, own_style, beside)
+        make_and_record(unit, make, refused)
+    for unit in units:
+        record = records[unit.index]
+        if record["status"] == "done":
+            record["key"] = join_key(unit.digests, noted[unit.index][1])
     return fork, records
 
 
+def _exposed_with(inputs: FacadeInputs) -> tuple[int, ...]:
+    """Return the facades that may share the exposure of a photographed one."""
+    return inputs.beside if inputs.exposed_with else ()
+
+
 def _write_facade(
-    run: Run,
-    plan: Plan,
     group: StoreGroup,
-    unit: Unit,
+    plan: Plan,
+    facade: int,
+    inputs: FacadeInputs,
     made: TexturedFacade,
     seconds: dict[str, float],
 ) -> dict[str, object]:
@@ -161,36 +167,41 @@ def _write_facade(
     ----------
     seconds : duration of the steps so far; the record has that of writing too.
     """
-    facade, imagery, result, shown = unit.index, unit.arguments[0], made.facade, made.evidence
+    result, shown, corrected = made.facade, made.evidence, inputs.corrected
+    files: dict[str, str] = {}
     about: dict[str, object] = {"source": made.source, "capture_date": None if shown is None else shown.captured}
-    if imagery.corrected != AS_FOUND and (result is not None or not imagery.corrected.facade):
-        about |= {"corrected": True} | ({} if imagery.corrected.facade else {"facade": False})
+    if corrected != AS_FOUND and (result is not None or not corrected.facade):
+        about |= {"corrected": True} | ({} if corrected.facade else {"facade": False})
     if result is not None:
         begun = time.time()
         density = float(plan.scene.placement.texels_per_metre[plan.facades.chart[facade]])
-        evidence = apply_privacy(result.evidence, result.occluded, run.privacy, density)
+        evidence = apply_privacy(result.evidence, result.occluded, inputs.privacy, density)
         digests = _write_rasters(group, plan, facade, result, evidence, made.confidence)
         seconds = seconds | {"write": time.time() - begun}
         about |= _summarize(result) | {"digests": digests}
         if result.hierarchy is not None:
-            about["variation_file"] = variation_hierarchy_path(int(plan.ids[plan.facades.chart[facade]]))
-            about["variation_digest"] = digest_stored_file(result.hierarchy.to_bytes())
-        if shown is not None and (source := imagery.sources()[made.depth]) in ("photo", "panoramas"):
-            names = _read_shop_names(result, shown, source, density)
-            about |= {"privacy": run.privacy, "looked": detectors_available(), "shop_names": names}
+            path = variation_hierarchy_path(int(plan.ids[plan.facades.chart[facade]]))
+            files[path] = digest_stored_file(result.hierarchy.to_bytes())
+            about |= {"variation_file": path, "variation_digest": files[path]}
+        if shown is not None and made.kind in ("photo", "panoramas"):
+            names = _read_shop_names(result, shown, made.kind, density)
+            about |= {"privacy": inputs.privacy, "looked": detectors_available(), "shop_names": names}
             colour = measure_pictured_colour(result, density)
             about |= {} if colour is None else {"pictured_colour": colour}
-            if first_picture(made.source) in {path.name for path in imagery.exposure_factors}:
+            if made.kind == "panoramas" and first_picture(made.source) in {p.name for p in inputs.exposure_factors}:
                 about["common_exposure"] = True
         if shown is not None:
-            about |= {} if shown.before is None else _write_change(group, plan, facade, shown.before)
+            about |= {} if shown.before is None else _write_change(group, plan, facade, shown.before, files)
             about |= describe_crop(shown)
+        about |= {"files": files, "is_complete": bool((result.provenance != Provenance.UNSEEN).all())}
     about["seconds"] = {stage: round(s, 4) for stage, s in seconds.items()}
     return about
 
 
-def _write_change(group: StoreGroup, plan: Plan, facade: int, before: ChangeSinceCapture) -> dict[str, object]:
-    """Return the fields of a record on a change, and store the picture of the facade before."""
+def _write_change(
+    group: StoreGroup, plan: Plan, facade: int, before: ChangeSinceCapture, files: dict[str, str]
+) -> dict[str, object]:
+    """Return the fields of a record on a change, and store the picture of the facade before; adds it to `files`."""
     from PIL import Image
 
     told: dict[str, object] = {
@@ -205,15 +216,16 @@ def _write_change(group: StoreGroup, plan: Plan, facade: int, before: ChangeSinc
         Image.fromarray(before.picture).save(file, "WEBP", quality=72, method=2)
         path = earlier_picture_path(int(plan.ids[plan.facades.chart[facade]]))
         write_stored_file(group, path, file.getvalue(), f"{plan.facades.id[facade]} as it was before")
-        told |= {"before_file": path, "before_digest": digest_stored_file(file.getvalue())}
+        files[path] = digest_stored_file(file.getvalue())
+        told |= {"before_file": path, "before_digest": files[path]}
     return told
 
 
-def _describe_source(imagery: FacadeImagery, depth: int, source: str) -> str:
+def _describe_source(inputs: FacadeInputs, made: TexturedFacade) -> str:
     """Return the source of a facade in words."""
-    if imagery.sources()[depth] != "none":
-        return f"from {source}"
-    return f"from exemplar {source}" if imagery.exemplar is not None else f"by the {source}"
+    if made.kind:
+        return f"from {made.source}"
+    return f"from exemplar {made.source}" if inputs.exemplar is not None else f"by the {made.source}"
 
 
 def _join_errors(errors: Sequence[Exception]) -> Exception:
@@ -225,46 +237,55 @@ def _join_errors(errors: Sequence[Exception]) -> Exception:
     return joined
 
 
-def texture_from_pictures(run: Run, plan: Plan, unit: Unit, refused: list[Exception]) -> TexturedFacade | None:
+def texture_from_pictures(facade: int, inputs: FacadeInputs, refused: list[Exception]) -> TexturedFacade | None:
     """Texture a facade from the best of its pictures; None if none shows enough. Errors are appended to `refused`."""
-    facade, (imagery, textures, _) = unit.index, unit.arguments
-    facades = plan.facades
-    chart = int(facades.chart[facade])
-    along, width = float(facades.along[facade]), float(facades.width[facade])
-    said = imagery.corrected
-    *pictures, _ = imagery.sources()
-    for depth, source in enumerate(pictures):
-        size = working_size(plan, chart, source)
+    for kind in iterate_sources(inputs):
         with collect_input_errors(refused):
-            evidence = read_evidence(source, plan, chart, size, imagery, textures, refused, run.models.parser)
-            if evidence is not None:
-                try:
-                    result = build_facade_from_photo(
-                        replace(
-                            evidence,
-                            hidden=evidence.hidden | rasterise_boxes(said.hide, size),
-                            facade=rasterise_boxes(said.keep, size),
-                        ),
-                        doors=MappedDoors(
-                            [(place - along) / width for place in imagery.entrances if along < place < along + width],
-                            int(facades.role[facade]) == WallRole.STREET,
-                        ),
-                        models=run.models,
-                        seed=unit_seed(run, facades.id[facade], FACADE_SEED),
-                    )
-                except ImageError as error:
-                    raise ImageError(f"{evidence.source}: {error}") from error
-                result, confidence = sharpen_from_pictures(plan, chart, result, evidence)
-                result = _apply_correction(result, imagery)
-                return TexturedFacade(depth, result, evidence.source, confidence, evidence)
+            if (made := _texture_from_source(facade, inputs, kind, refused)) is not None:
+                return made
     return None
 
 
+def _texture_from_source(
+    facade: int, inputs: FacadeInputs, kind: str, refused: list[Exception]
+) -> TexturedFacade | None:
+    """Texture a facade from one kind of pictures; None if they show too little."""
+    if kind == "panoramas":
+        plan = inputs.between.plan
+    else:
+        plan = (inputs.own if kind == "own" and inputs.own is not None else inputs.view).plan
+    facades, models = plan.facades, inputs.models
+    chart = inputs.view.charts[0]
+    size = working_size(plan, chart, kind)
+    evidence = read_evidence(kind, plan, chart, size, inputs, inputs.texture_files, refused, models.parser)
+    if evidence is None:
+        return None
+    along, width = float(facades.along[facade]), float(facades.width[facade])
+    said = inputs.corrected
+    try:
+        result = build_facade_from_photo(
+            replace(
+                evidence,
+                hidden=evidence.hidden | rasterise_boxes(said.hide, size),
+                facade=rasterise_boxes(said.keep, size),
+            ),
+            doors=MappedDoors(
+                [(place - along) / width for place in inputs.entrances if along < place < along + width],
+                int(facades.role[facade]) == WallRole.STREET,
+            ),
+            models=models,
+            seed=inputs.seed,
+        )
+    except ImageError as error:
+        raise ImageError(f"{evidence.source}: {error}") from error
+    result, confidence = sharpen_from_pictures(plan, chart, result, evidence)
+    return TexturedFacade(kind, _apply_correction(result, inputs), evidence.source, confidence, evidence)
+
+
 def _texture_from_exemplar(
-    run: Run,
-    plan: Plan,
     group: StoreGroup,
-    unit: Unit,
+    facade: int,
+    inputs: FacadeInputs,
     wall_colour: Callable[[tuple[int, ...]], Float64Array | None],
     own_style: Callable[[tuple[int, ...]], PicturedStyle | None],
     beside: tuple[int, ...],
@@ -275,24 +296,24 @@ def _texture_from_exemplar(
     ----------
     wall_colour : returns the colour of the walls of some facades.
     own_style : returns the style of the best pictured one of some facades.
-    beside : facades of the building with pictures.
+    beside : facades of the building with pictures that are written.
     """
-    facade, (imagery, *_) = unit.index, unit.arguments
-    facades, placement = plan.facades, plan.scene.placement
-    chart = int(facades.chart[facade])
+    placement, chart = inputs.view.scene.placement, inputs.view.charts[0]
     size = (int(placement.height[chart]), int(placement.width[chart]))
-    depth, nothing = len(imagery.sources()) - 1, np.zeros(size, np.uint8)
-    own = own_style(beside) if imagery.exemplar is not None and not imagery.is_exemplar_stated else None
-    result = build_unit_from_exemplar(run, plan, group, unit, size, wall_colour(beside), own)
-    if result is None:
-        return TexturedFacade(depth, None, "translator", nothing)
-    source = imagery.exemplar[1] if own is None else own.source
-    return TexturedFacade(depth, _apply_correction(result, imagery), source, nothing)
+    nothing = np.zeros(size, np.uint8)
+    given = inputs.exemplar
+    beside = beside if given is not None and inputs.coloured_by else ()
+    own = own_style(beside) if given is not None and not inputs.is_exemplar_stated else None
+    result = build_wall_from_exemplar(group, facade, inputs, size, wall_colour(beside), own)
+    if result is None or given is None:
+        return TexturedFacade("", None, "translator", nothing)
+    source = given.name if own is None else own.source
+    return TexturedFacade("", _apply_correction(result, inputs), source, nothing)
 
 
-def _apply_correction(facade: Facade, imagery: FacadeImagery) -> Facade:
+def _apply_correction(facade: Facade, inputs: FacadeInputs) -> Facade:
     """Return a facade with the corrected elements."""
-    elements = imagery.corrected.elements
+    elements = inputs.corrected.elements
     return facade if elements is None else replace_elements(facade, elements)
 
 

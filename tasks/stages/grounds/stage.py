@@ -12,16 +12,13 @@ from facade_core.core.zarr_types import StoreGroup
 from facade_core.imagery.panorama_camera import GROUND_REACH_M
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
-from tasks.engine.stage import ReingestContext, Stage, match_units_by_name
-from tasks.engine.stage_code import stage_code_digest
-from tasks.engine.store.missing_chunks import find_units_without_base_layer
+from tasks.engine.stage import Stage, UnitOutline
 from tasks.engine.unit import Unit
-from tasks.engine.unit_key import join_key_parts
 from tasks.stages.bundles.nearby_panoramas import index_usable_panoramas
-from tasks.stages.grounds.worker import process_ground
+from tasks.stages.grounds.worker import GroundInputs, compute_ground
 from tasks.stages.poses.record import PoseRecord
 from tasks.stages.shared.camera_forecast import forecast_units_after_poses
-from tasks.stages.shared.key_parts import panorama_key_parts
+from tasks.stages.shared.key_parts import view_between
 from tasks.stages.shared.memory import (
     CAMERA_PIXEL,
     GROUND_TEXEL,
@@ -30,7 +27,8 @@ from tasks.stages.shared.memory import (
     bounded_pixel_count,
     detector_memory,
 )
-from tasks.stages.shared.surface_panorama import SurfacePanorama
+from tasks.stages.shared.panorama_cameras import write_panorama_surfaces
+from tasks.stages.shared.scene_view import view_charts
 
 # A panorama was taken so high over the ground, metres, or the block's ground is not the one it shows: a bridge, a quay.
 LEAST_HEIGHT_M, MOST_HEIGHT_M = 1.2, 4.5
@@ -38,7 +36,7 @@ LEAST_HEIGHT_M, MOST_HEIGHT_M = 1.2, 4.5
 OPEN_PICTURES = 3
 
 
-def list_ground_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
+def list_ground_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit[GroundInputs]]:
     """List the units of stage `grounds`: pieces of ground near panoramas."""
     charts = plan.ground_near_cameras()
     if not len(charts):
@@ -48,9 +46,13 @@ def list_ground_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> 
     units = []
     for index, (chart, name) in enumerate(zip(charts.tolist(), ground_piece_names(plan), strict=True)):
         taken = cameras.near(plan.scene.charts, [chart], GROUND_REACH_M)
-        key = ground_key(run, plan, chart, taken)
+        inputs = GroundInputs(
+            panoramas=tuple(taken),
+            between=view_between(run, plan, {one: [chart] for one in taken}),
+            view=view_charts(run, plan, [chart]),
+        )
         memory = ground_memory(int(texels[chart]), [one.path for one in taken])
-        units.append(Unit(index, name, (key,), (chart, taken), memory, (chart,)))
+        units.append(Unit(index, name, inputs, memory, (chart,)))
     return units
 
 
@@ -70,29 +72,6 @@ def _is_over_ground(pose: Pose, record: PoseRecord | None) -> bool:
     return height is not None and LEAST_HEIGHT_M <= height <= MOST_HEIGHT_M
 
 
-def _match_previous(change: ReingestContext) -> dict[int, int]:
-    """Match pieces that stay in place, without pieces that moved or that no panorama shows any more."""
-    names, charts = ground_piece_names(change.after), change.after.ground_near_cameras().tolist()
-    same = match_units_by_name(change.records["grounds"], names)
-    again = {new: old for new, old in same.items() if charts[new] in change.stays}
-    shown = set(names)
-    of_chart = {_name(number): chart for chart, number in enumerate(change.after.ids.tolist())}
-    for record in change.records["grounds"]:
-        if record and record["unit"] not in shown and record["unit"] in of_chart:
-            change.stays.pop(of_chart[record["unit"]], None)
-    return again
-
-
-def ground_key(run: Run, plan: Plan, chart: int, taken: Sequence[SurfacePanorama]) -> str:
-    """Return the key of a piece of ground and the panoramas near it."""
-    return join_key_parts(
-        stage_code_digest("grounds"),
-        settings=run.texture.texels_per_metre,
-        geometry=f"{plan.ids[chart]:016x}",
-        **panorama_key_parts(plan, {one: [chart] for one in taken}),
-    )
-
-
 def ground_memory(texels: int, pictures: Sequence[Path]) -> int:
     """Return the memory of a piece of ground with some texels; few of its panoramas are open at a time."""
     kept = sum(sorted(bounded_pixel_count([path]) for path in pictures)[-OPEN_PICTURES:])
@@ -104,14 +83,12 @@ def ground_memory(texels: int, pictures: Sequence[Path]) -> int:
 GROUNDS = Stage(
     "grounds",
     "photographed surface",
-    count=lambda block, plan: len(plan.ground_near_cameras()),
-    match_previous=_match_previous,
-    units=list_ground_units,
-    function=process_ground,
-    reads=("poses", "bundles"),
-    writes_base_layer=True,
+    outline=lambda block, plan: [
+        UnitOutline(name, (chart,))
+        for name, chart in zip(ground_piece_names(plan), plan.ground_near_cameras().tolist(), strict=True)
+    ],
+    inputs=list_ground_units,
+    compute=compute_ground,
+    write=write_panorama_surfaces,
     forecast=partial(forecast_units_after_poses, "grounds"),
-    unit_charts=lambda plan: plan.ground_near_cameras()[:, None].tolist(),
-    unit_names=ground_piece_names,
-    find_lost=lambda store: find_units_without_base_layer(store.session, store.records["grounds"]),
 )

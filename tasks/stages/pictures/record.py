@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from typing import cast
-
 from facade_core.atlas.journal import Record
-from facade_core.atlas.stored_files import picture_path
 
 
 class ReportPictureRecord(Record, total=False):
@@ -25,9 +22,3 @@ class ReportPictureRecord(Record, total=False):
     bytes: int
     digest: str
     unread: bool
-
-
-def picture_file_digests(unit: int, record: Record) -> dict[str, str]:
-    """Return the stored file of a picture that is done, path -> digest."""
-    picture = cast(ReportPictureRecord, record)
-    return {picture_path(picture["file"]): picture["digest"]} if "file" in picture else {}

@@ -9,8 +9,6 @@ import numpy as np
 
 from catalogs.block.reader import Block
 from facade_core.atlas.journal import Record, latest_chart_digests, read_journal
-from facade_core.atlas.stored_files import PICTURES as FOLDER
-from facade_core.atlas.stored_files import delete_stored_files_except
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.export.pictures.camera import PerspectiveCamera
 from facade_core.export.pictures.settings import VIEW_SETTINGS
@@ -24,15 +22,13 @@ from facade_core.export.pictures.views import (
 from facade_core.geometry.charts import CORNER_SHARES
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
-from tasks.engine.stage import Records, ReingestContext, Stage
+from tasks.engine.stage import Stage, UnitOutline
 from tasks.engine.stage_code import stage_code_digest
 from tasks.engine.unit import Unit
-from tasks.engine.unit_key import join_key_parts
 from tasks.stages.facades.record import FacadeRecord
-from tasks.stages.pictures.record import picture_file_digests
-from tasks.stages.pictures.worker import process_pictures
-from tasks.stages.shared.key_parts import all_hex_chart_ids
+from tasks.stages.pictures.worker import PictureInputs, process_pictures
 from tasks.stages.shared.memory import DECODED_PIXEL, LIBRARY_BYTES
+from tasks.stages.shared.scene_view import SceneView, StoredCharts, store_charts
 
 # Bytes per ray of a view (measured: 30 to 40, where two in five meet the block).
 VIEW_RAY = 60
@@ -45,17 +41,15 @@ MAX_STAGED_PER_STREET = 4
 FACADES_PER_GROUP = 8
 
 
-def list_picture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
+def list_picture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit[PictureInputs]]:
     """List the units of stage `pictures`: the views, then each facade's pictures."""
     digests = latest_chart_digests(read_journal(group, "surfaces"), [])
     records = read_journal(group, "facades", FacadeRecord)
     views = choose_cameras(plan, records, run.texture.sun)
     memory = view_memory(plan.scene.spec.page**2)
     units = [
-        Unit(i, f"view {name}", (key,), (name, camera), memory)
-        for i, (name, camera, key) in enumerate(
-            zip(view_names(plan), views, view_keys(plan, views, digests), strict=True)
-        )
+        Unit(i, f"view {name}", inputs, memory)
+        for i, (name, inputs) in enumerate(zip(view_names(plan), view_inputs(run, plan, views, digests), strict=True))
     ]
     texels, staged = plan.texel_counts(), facades_with_stage_pictures(plan, records)
     files = _file_names(plan)[len(views) :]
@@ -64,8 +58,7 @@ def list_picture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) ->
             Unit(
                 len(views) + number,
                 plan.facades.id[facade],
-                (facade_pictures_key(records[facade], facade in staged),),
-                (file, facade, facade in staged),
+                facade_picture_inputs(run, records[facade], facade, file, facade in staged),
                 facade_pictures_memory(int(texels[plan.facades.chart[facade]])),
                 group_id=number // FACADES_PER_GROUP,
             )
@@ -94,17 +87,6 @@ def _file_names(plan: Plan) -> list[str]:
     ]
 
 
-def _match_previous(change: ReingestContext) -> dict[int, int]:
-    at = {file: unit for unit, file in enumerate(_file_names(change.before)[: len(change.records["pictures"])])}
-    return {unit: at[file] for unit, file in enumerate(_file_names(change.after)) if file in at}
-
-
-def _relocate(change: ReingestContext, again: Mapping[int, int], records: Records) -> Records:
-    """Delete the files of facades that are gone; the others keep their names."""
-    delete_stored_files_except(change.group, FOLDER, set(_file_names(change.after)))
-    return records
-
-
 def view_memory(page: int) -> int:
     """Return the memory of a view of the block, painted from pages of so many texels."""
     return (
@@ -119,8 +101,10 @@ def facade_pictures_memory(texels: int) -> int:
     return LIBRARY_BYTES + texels * DRAWN_TEXEL
 
 
-def view_keys(plan: Plan, cameras: Sequence[PerspectiveCamera], digests: Mapping[str, str]) -> list[str]:
-    """Return the keys of views by some cameras: the visible geometry and its texels.
+def view_inputs(
+    run: Run, plan: Plan, cameras: Sequence[PerspectiveCamera], digests: Mapping[str, str]
+) -> list[PictureInputs]:
+    """Return the inputs of views by some cameras: the visible geometry and its texels.
 
     Parameters
     ----------
@@ -128,48 +112,38 @@ def view_keys(plan: Plan, cameras: Sequence[PerspectiveCamera], digests: Mapping
     """
     charts = plan.scene.charts
     corners = charts.points_at_shares(np.arange(len(charts)), CORNER_SHARES)
-    code, drawn, names = (
-        stage_code_digest("pictures"),
-        [stage_code_digest("pages"), stage_code_digest("tiles")],
-        all_hex_chart_ids(plan),
-    )
-    keys = []
-    for camera in cameras:
+    drawn = (stage_code_digest("pages"), stage_code_digest("tiles"))
+    found = []
+    for camera, name in zip(cameras, view_names(plan), strict=True):
         sight = np.flatnonzero(camera.may_show(corners))
         things = plan.scene_objects.digest[np.unique(plan.scene_objects.chart_object[sight])]
-        keys.append(
-            join_key_parts(
-                code,
-                settings=[camera.position.tolist(), camera.target.tolist(), camera.field_of_view, camera.size],
-                geometry=sorted(f"{digest:016x}" for digest in things.tolist()),
-                charts=sorted((names[chart], digests.get(names[chart])) for chart in sight.tolist()),
-                drawn=drawn,
-            )
-        )
-    return keys
+        objects = SceneView(run, (), tuple(sorted(f"{digest:016x}" for digest in things.tolist())))
+        by_id = sight[np.argsort(plan.ids[sight])].tolist()
+        shown = store_charts(run, plan, by_id, digests, drawn)
+        found.append(PictureInputs(camera, objects, shown, (), False, name))
+    return found
 
 
-def facade_pictures_key(record: Record | None, staged: bool) -> str:
-    """Return the key of the pictures of a facade.
+def facade_picture_inputs(run: Run, record: Record | None, facade: int, file: str, staged: bool) -> PictureInputs:
+    """Return the inputs of the pictures of a facade.
 
     Parameters
     ----------
     staged : whether every stage is drawn, or the texture alone.
     """
-    made = [record["key"], record["status"], record.get("digests")] if record else None
-    return join_key_parts(stage_code_digest("pictures"), settings=staged, facade=made)
+    made = (record["key"], record["status"], record.get("digests", {})) if record else ()
+    nothing = StoredCharts(run, (), ())
+    return PictureInputs(None, nothing, nothing, made, staged, file, facade)
 
 
 PICTURES = Stage(
     "pictures",
     "picture",
-    count=lambda block, plan: len(_file_names(plan)),
-    match_previous=_match_previous,
-    units=list_picture_units,
-    function=process_pictures,
-    reads=("facades", "surfaces", "pages", "tiles"),
-    in_every_block=True,
-    relocate=_relocate,
-    derived_only=True,
-    files=picture_file_digests,
+    outline=lambda block, plan: [
+        *(UnitOutline(f"view {name}") for name in view_names(plan)),
+        *(UnitOutline(plan.facades.id[facade]) for facade in select_pictured_facades(plan).tolist()),
+    ],
+    inputs=list_picture_units,
+    process=process_pictures,
+    forecast=None,
 )

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from io import BytesIO
 from itertools import chain
-from typing import TypeVar, cast
+from typing import NamedTuple, TypeVar, cast
 
 import numpy as np
 from icechunk import ForkSession
@@ -33,13 +33,17 @@ from facade_core.export.pictures.views import paint_view
 from facade_core.export.tiles.block_tiles import plan_block_tiles
 from facade_core.export.tiles.tile_model import coarse_rasters
 from facade_core.plan.plan import Plan
-from tasks.engine.context import current_worker_name, load_run_plan
+from tasks.engine.atlas import Atlas
+from tasks.engine.context import reading_store
+from tasks.engine.inputs import GEOMETRY_CHANGED, INPUTS_PENDING, SETTINGS_CHANGED, input_field
 from tasks.engine.outcome import failure_record, is_machine_fault, is_store_fault
+from tasks.engine.processing import process_unit
 from tasks.engine.run import Run
 from tasks.engine.unit import Unit, UnitGroup
 from tasks.stages.facades.record import FacadeRecord
 from tasks.stages.pages.record import PageRecord
 from tasks.stages.pictures.record import ReportPictureRecord
+from tasks.stages.shared.scene_view import SceneView, StoredCharts
 from tasks.stages.tiles.record import TileRecord
 
 R = TypeVar("R", bound=Record)
@@ -50,74 +54,103 @@ MAX_DECODED_PAGES = 32
 CONTEXT_GREY = np.full((1, 1, 3), 176, np.uint8)
 
 
+@dataclass(frozen=True)
+class PictureInputs:
+    """Inputs of a view of the block, or of the pictures of a facade.
+
+    Attributes
+    ----------
+    camera : camera of a view; None of a facade.
+    objects : shapes that a view shows.
+    charts : charts that a view shows, with their texels and the codes that made the pages and tiles of these.
+    made : key, status and digests of a facade.
+    is_staged : whether all stages of a facade are drawn, or its texture alone.
+    file : name of the file.
+    facade : index of the facade.
+    """
+
+    camera: PerspectiveCamera | None = input_field(SETTINGS_CHANGED)
+    objects: SceneView = input_field(GEOMETRY_CHANGED)
+    charts: StoredCharts = input_field(INPUTS_PENDING)
+    made: tuple[object, ...] = input_field(INPUTS_PENDING)
+    is_staged: bool = input_field(SETTINGS_CHANGED)
+    file: str = field(default="")
+    facade: int = field(default=-1)
+
+
+class ReportPictures(NamedTuple):
+    """A file of pictures; name, title, offset and length of each picture in it, of a facade."""
+
+    data: bytes
+    listed: list[list[object]] | None = None
+
+
 def process_pictures(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSession, dict[int, Record]]:
     """Write a view, or the pictures of some facades, through the fork: one file per unit.
 
     A picture that cannot be drawn, also from an unreadable store, is recorded as failed: the block is published without it.
-    Unit arguments: of a view its name and camera; of a facade its file name, its index, and whether all stages are drawn.
     """
-    plan, group = load_run_plan(run), open_root(fork)
+    atlas = Atlas(run, open_root(fork))
     records: dict[int, Record] = {}
     for unit in units:
-        start = time.time()
         try:
-            data, drawn = (_draw_view if isinstance(unit.arguments[1], PerspectiveCamera) else _draw_facade)(
-                plan, group, unit
-            )
+            with reading_store(atlas.group):
+                records[unit.index] = process_unit(compute_pictures, write_pictures, atlas, unit)
         except Exception as error:
             if is_machine_fault(error) and not is_store_fault(error):
                 raise
             about = cast(ReportPictureRecord, failure_record(unit.name, unit.key, error))
             about["unread"] = is_store_fault(error)
-        else:
-            about = {"unit": unit.name, "key": unit.key, "status": "done"}
-            about |= drawn | _write_file(group, unit, data)
-        about |= {
-            "worker": current_worker_name(),
-            "started": start,
-            "seconds": {"pictures": round(time.time() - start, 4)},
-        }
-        records[unit.index] = about
+            records[unit.index] = about
     return fork, records
 
 
-def _draw_view(plan: Plan, group: StoreGroup, unit: Unit) -> tuple[bytes, ReportPictureRecord]:
+def compute_pictures(inputs: PictureInputs) -> ReportPictures:
+    """Draw a view of the block, or the pictures of a facade."""
+    camera = inputs.camera
+    return _draw_facade(inputs) if camera is None else _draw_view(inputs, camera)
+
+
+def _draw_view(inputs: PictureInputs, camera: PerspectiveCamera) -> ReportPictures:
     """Draw a view as JPEG from the pages that it shows, or from coarse rasters of tiles if these are too many."""
-    _, camera = unit.arguments
+    plan, group = inputs.objects.plan, inputs.charts.store
     picture = cast_smooth_view(plan.scene, camera, samples=VIEW_SETTINGS.samples_per_pixel_side)
     own = plan.in_core[picture.visible_charts]
     pages = np.unique(plan.scene.placement.page[picture.visible_charts[own]])
     parts = _read_page_rasters if len(pages) <= MAX_DECODED_PAGES else _read_coarse_rasters
     bare = {chart: CONTEXT_GREY for chart in picture.visible_charts[~own].tolist()}
     painted = paint_view(picture, chain([bare], parts(plan, group, picture.visible_charts[own])))
-    return encode_image(painted, "JPEG", quality=90), {}  # type: ignore[typeddict-item]
+    return ReportPictures(encode_image(painted, "JPEG", quality=90))
 
 
-def _draw_facade(plan: Plan, group: StoreGroup, unit: Unit) -> tuple[bytes, ReportPictureRecord]:
+def _draw_facade(inputs: PictureInputs) -> ReportPictures:
     """Draw the stages of a facade, or its texture alone, as consecutive WebP files; nothing if it has none."""
-    _, facade, staged = unit.arguments
-    (made,) = read_records(group, "facades", np.array([facade]), FacadeRecord)
+    plan, group, facade = inputs.charts.plan, inputs.charts.store, inputs.facade
+    (record,) = read_records(group, "facades", np.array([facade]), FacadeRecord)
+    made = record if inputs.made else None
     stored = StoredFacade(group, plan.scene.placement, int(plan.facades.chart[facade]), made, exemplars=())
     joined, listed = BytesIO(), []
     for stage in iterate_stage_pictures(stored):
-        if stage.report is None or not (staged or stage.report.name == TEXTURE_STAGE):
+        if stage.report is None or not (inputs.is_staged or stage.report.name == TEXTURE_STAGE):
             continue
         data = encode_image(stage.draw(), "WEBP", quality=82, method=2)
         listed.append([stage.report.name, stage.report.title, joined.tell(), len(data)])
         joined.write(data)
-    return joined.getvalue(), {"pictures": listed}  # type: ignore[typeddict-item]
+    return ReportPictures(joined.getvalue(), listed)
 
 
-def _write_file(group: StoreGroup, unit: Unit, data: bytes) -> ReportPictureRecord:
-    """Write the file of a unit; a facade without pictures has none."""
-    name = unit.arguments[0]
+def write_pictures(atlas: Atlas, unit: Unit[PictureInputs], result: ReportPictures) -> dict[str, object]:
+    """Write the file of a unit; a facade without pictures has none. Returns the fields of its record."""
+    name, data = unit.inputs.file, result.data
+    told: dict[str, object] = {} if result.listed is None else {"pictures": result.listed}
     path = picture_path(name)
     if data:
-        write_stored_file(group, path, data, f"picture of {unit.name}")
-        return {"file": name, "bytes": len(data), "digest": digest_stored_file(data)}  # type: ignore[typeddict-item]
-    if path in group:
-        del group[path]
-    return {}  # type: ignore[typeddict-item]
+        write_stored_file(atlas.group, path, data, f"picture of {unit.name}")
+        digest = digest_stored_file(data)
+        return told | {"file": name, "bytes": len(data), "digest": digest, "files": {path: digest}}
+    if path in atlas.group:
+        del atlas.group[path]
+    return told
 
 
 def _read_page_rasters(plan: Plan, group: StoreGroup, charts: Int32Array) -> Iterator[dict[int, UInt8Array]]:

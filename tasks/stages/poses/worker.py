@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-import time
+from dataclasses import dataclass
+from pathlib import Path
 from typing import cast
 
-from icechunk import ForkSession
-
-from facade_core.atlas.journal import Record
 from facade_core.core.errors import ImageError
 from facade_core.core.types import Pose
 from facade_core.imagery.cameras.exposure import sample_ground_colours
@@ -16,44 +14,59 @@ from facade_core.imagery.poses.misplaced import explain_misplacement
 from facade_core.imagery.poses.outlines import sample_visible_outlines
 from facade_core.imagery.poses.refinement import refine_pose
 from facade_core.imagery.rectify.full_circle import check_full_panorama
-from tasks.engine.context import current_worker_name, load_run_plan
-from tasks.engine.run import Run
-from tasks.engine.unit import Unit, UnitGroup
-from tasks.stages.poses.record import PoseRecord
+from tasks.engine.inputs import GEOMETRY_CHANGED, PICTURE_CHANGED, input_field
 from tasks.stages.shared.images import max_picture_pixels, read_panorama
+from tasks.stages.shared.scene_view import SceneView
 
 # Fit of building outlines, 0 to 1, above which a pose is trusted. Correct poses on painted streets fit from 0.57 on.
 MIN_TRUSTED_FIT = 0.5
 
 
-def process_pose(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSession, dict[int, Record]]:
-    """Refine the pose of one panorama against the block; returns the unchanged fork and the record.
+@dataclass(frozen=True)
+class PoseInputs:
+    """Inputs of the refinement of a panorama's pose.
+
+    Attributes
+    ----------
+    picture : the panorama.
+    given : its pose as stated.
+    is_height_assumed : whether height over ground is trusted more than the roofs.
+    is_used : whether a surface would be taken from it.
+    around : what of the block it may be matched with.
+    """
+
+    picture: Path = input_field(PICTURE_CHANGED)
+    given: Pose = input_field("pose changed")
+    is_height_assumed: bool = input_field("pose changed")
+    is_used: bool = input_field("pose changed")
+    around: SceneView = input_field(GEOMETRY_CHANGED)
+
+
+# Fields of a record of a pose.
+PoseFields = dict[str, object]
+
+
+def compute_pose(inputs: PoseInputs) -> PoseFields:
+    """Refine the pose of a panorama against the block.
 
     Raises
     ------
     ImageError : the picture is no panorama, or was not taken as its pose says.
     """
-    start = time.time()
-    (unit,) = units
-    path, carried, is_used = unit.arguments
-    plan = load_run_plan(run)
-    given = plan.poses[unit.index]
-    if not is_used:
-        return fork, {unit.index: _unused_record(unit, given, start)}
-    picture = read_panorama(path, max_picture_pixels(given))
+    given = inputs.given
+    if not inputs.is_used:
+        return _unused_fields(given)
+    picture, scene = read_panorama(inputs.picture, max_picture_pixels(given)), inputs.around.scene
     if given.lens is None and given.view == (0.0, 0.0, 1.0, 1.0):
         check_full_panorama(picture)
-    found = refine_pose(plan.scene, picture, given, height_is_assumed=carried)
+    found = refine_pose(scene, picture, given, height_is_assumed=inputs.is_height_assumed)
     pose = found.pose
     if not found.fit >= MIN_TRUSTED_FIT:  # nor where nothing tells
         fitting = found.fit if math.isfinite(found.fit) else 0.0
-        if why := explain_misplacement(plan.scene, picture, pose, sample_visible_outlines(plan.scene, pose), fitting):
+        if why := explain_misplacement(scene, picture, pose, sample_visible_outlines(scene, pose), fitting):
             raise ImageError(why)
-    ground = sample_ground_colours(plan.scene, picture, pose)
-    record: PoseRecord = {
-        "unit": unit.name,
-        "key": unit.key,
-        "status": "done",
+    ground = sample_ground_colours(scene, picture, pose)
+    return {
         "pose": _pose_values(pose),
         "moved_m": round(found.moved_m, 3),
         "turned_deg": round(found.turned_deg, 3),
@@ -64,19 +77,17 @@ def process_pose(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSes
         "spread": None if found.covariance is None else found.covariance.round(6).tolist(),
         "over_ground_m": ground.height,
         "squares": ground.squares,
-        "worker": current_worker_name(),
-        "started": start,
-        "seconds": {"refine": round(time.time() - start, 4)},
     }
-    return fork, {unit.index: record}
 
 
-def _unused_record(unit: Unit, given: Pose, start: float) -> PoseRecord:
-    """Return the record of a panorama that no surface is taken from."""
+def record_fields(_atlas: object, _unit: object, result: PoseFields) -> PoseFields:
+    """Return the fields of a record; a pose is kept nowhere else."""
+    return result
+
+
+def _unused_fields(given: Pose) -> PoseFields:
+    """Return the fields of a panorama that no surface is taken from."""
     return {
-        "unit": unit.name,
-        "key": unit.key,
-        "status": "done",
         "pose": _pose_values(given),
         "moved_m": 0.0,
         "turned_deg": 0.0,
@@ -87,9 +98,6 @@ def _unused_record(unit: Unit, given: Pose, start: float) -> PoseRecord:
         "over_ground_m": None,
         "squares": [],
         "is_unused": True,
-        "worker": current_worker_name(),
-        "started": start,
-        "seconds": {},
     }
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from catalogs.readers.pictures.capture_dates import exif_capture_date
 from catalogs.readers.pictures.decoding import Picture, open_picture, read_picture
 from catalogs.readers.pictures.folders import label_map_path
 from catalogs.readers.settings import PICTURES
-from facade_core.core.arrays import BoolArray, IntArray, UInt8Array
+from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import CLASSES, UNKNOWN
 from facade_core.core.types import Pose
@@ -38,19 +38,12 @@ def capture_date(path: Path) -> str | None:
         return exif_capture_date(image)
 
 
-def read_textures(paths: Sequence[Path], used: IntArray, refused: list[Exception]) -> dict[int, UInt8Array]:
-    """Read the used texture pictures by index, (h, w, 3) uint8.
-
-    Parameters
-    ----------
-    paths : files of all textures.
-    used : indices into `paths`; negative ones are ignored.
-    refused : errors of unreadable pictures are appended.
-    """
+def read_textures(pictures: Mapping[int, Path], refused: list[Exception]) -> dict[int, UInt8Array]:
+    """Read texture pictures by number, (h, w, 3) uint8; errors of unreadable ones are appended to `refused`."""
     found = {}
-    for index in np.unique(used[used >= 0]).tolist():
+    for number, path in pictures.items():
         with collect_input_errors(refused):
-            found[index] = read_image_and_mask(paths[index])[0]
+            found[number] = read_image_and_mask(path)[0]
     return found
 
 

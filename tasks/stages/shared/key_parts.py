@@ -8,14 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from catalogs.block.digest import model_file_digests
-from catalogs.file_digest import file_digest
 from facade_core.core.arrays import Float64Array
-from facade_core.core.lens_projection import lens_values
-from facade_core.core.types import Pose, TrainedModelFiles
+from facade_core.core.types import Pose
 from facade_core.geometry.charts import CORNER_SHARES
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
+from tasks.stages.shared.scene_view import SceneView
 from tasks.stages.shared.surface_panorama import SurfacePanorama
 
 # What of a block a panorama may be matched with, metres from where it was taken.
@@ -26,43 +24,19 @@ OFF_PLANE_M = 1.0
 MIN_OCCLUDER_RISE_M = 0.01
 
 
-def material_digests(run: Run) -> list[object]:
-    """Return name, scale and file digest of each of the block's material pictures."""
-    return [[one.name, one.metres, file_digest(one.path)] for one in run.materials]
-
-
-def model_key_parts(models: TrainedModelFiles) -> dict[str, object]:
-    """Return the key part of a block's own models, if it has some."""
-    return {"models": model_file_digests(models)} if models.files else {}
-
-
-def panorama_key_parts(plan: Plan, charts_of: Mapping[SurfacePanorama, Sequence[int]]) -> dict[str, object]:
-    """Return the key parts of panoramas: the pictures, the charts taken from each, and the objects between."""
-    return {
-        "panoramas": [
-            [
-                one.path.name,
-                file_digest(one.path),
-                pose_key_parts(one.pose),
-                list(one.factor),
-                one.squares,
-                hex_chart_ids(plan, charts),
-            ]
-            for one, charts in charts_of.items()
-        ],
-        "between": [object_digests_between(plan, charts, one.pose) for one, charts in charts_of.items()],
-    }
+def view_between(run: Run, plan: Plan, charts_of: Mapping[SurfacePanorama, Sequence[int]]) -> SceneView:
+    """Return a view of what may stand between panoramas and the charts that are taken from each."""
+    charts = sorted({chart for charts in charts_of.values() for chart in charts})
+    return SceneView(
+        run,
+        tuple(charts),
+        tuple(tuple(object_digests_between(plan, charts, one.pose)) for one, charts in charts_of.items()),
+    )
 
 
 def hex_chart_ids(plan: Plan, charts: Sequence[int]) -> list[str]:
     """Return the ids of some charts as 16 hexadecimal digits."""
     return [f"{plan.ids[chart]:016x}" for chart in charts]
-
-
-def pose_key_parts(pose: Pose) -> list[object]:
-    """Return the key part of a pose: place, angles and view, and the lens of a perspective picture."""
-    lens = [] if pose.lens is None else [lens_values(pose.lens)]
-    return [pose.x, pose.y, pose.z, pose.heading, pose.pitch, pose.roll, list(pose.view), *lens]
 
 
 def object_digests_between(plan: Plan, charts: Sequence[int], pose: Pose) -> list[str]:
@@ -80,16 +54,22 @@ def bounding_box(plan: Plan, charts: Sequence[int]) -> tuple[Float64Array, Float
     return corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
 
 
-def own_texture_key_parts(plan: Plan, charts: Sequence[int], textures: Sequence[Path]) -> list[object]:
-    """Return the key part of the textures that some charts carry: the place of each corner on its picture."""
+def view_own_textures(run: Run, plan: Plan, charts: Sequence[int], textures: Sequence[Path]) -> SceneView:
+    """Return a view of charts with the textures that they carry: the place of each corner on its picture."""
     mesh = plan.scene.mesh
     found: list[object] = []
     for chart in charts:
         mine = mesh.chart_triangles(chart)
-        pictures = [file_digest(textures[i]) if i >= 0 else None for i in mesh.texture[mine].tolist()]
+        pictures = [textures[i] if i >= 0 else None for i in mesh.texture[mine].tolist()]
         shape = mesh.vertices[mesh.triangles[mine]].tobytes() + mesh.uv[mine].tobytes()
-        found.append([f"{plan.ids[chart]:016x}", blake2b(shape, digest_size=8).hexdigest(), pictures])
-    return found
+        found.append((f"{plan.ids[chart]:016x}", blake2b(shape, digest_size=8).hexdigest(), *pictures))
+    return SceneView(run, tuple(charts), tuple(found))
+
+
+def textures_of_charts(plan: Plan, charts: Sequence[int], textures: Sequence[Path]) -> dict[int, Path]:
+    """Return the texture pictures that some charts carry, by their number in the model."""
+    used = plan.scene.mesh.texture[np.isin(plan.scene.mesh.chart, charts)]
+    return {number: textures[number] for number in np.unique(used[used >= 0]).tolist()}
 
 
 def all_hex_chart_ids(plan: Plan) -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,7 +20,8 @@ from facade_core.imagery.cameras.exposure import typical_ground_colour
 from facade_core.imagery.detect.detection import detect_on_panorama
 from facade_core.imagery.panorama_camera import camera_position
 from facade_core.plan.plan import Plan
-from tasks.engine.outcome import collect_input_errors
+from tasks.engine.atlas import Atlas
+from tasks.engine.outcome import collect_input_errors, rejection_record_fields
 from tasks.stages.shared.images import MAX_PIXELS, max_picture_pixels, read_panorama
 from tasks.stages.shared.surface_panorama import SurfacePanorama
 
@@ -65,15 +67,37 @@ def collect_chart_views(
     return found, used
 
 
-def write_fused_views(
-    group: StoreGroup, plan: Plan, found: Mapping[int, FusedCameraView], used: Mapping[int, Sequence[SurfacePanorama]]
-) -> tuple[dict[str, str], list[tuple[str, float, float]]]:
-    """Write the views of charts to the base layer.
+class PanoramaSurfaces(NamedTuple):
+    """Charts as panoramas show them.
 
-    Parameters
+    Attributes
     ----------
     found : view by chart.
     used : panoramas by chart.
+    refused : errors of panoramas that cannot be used.
+    seconds : seconds by step.
+    """
+
+    found: Mapping[int, FusedCameraView]
+    used: Mapping[int, Sequence[SurfacePanorama]]
+    refused: Sequence[Exception]
+    seconds: Mapping[str, float]
+
+
+def write_panorama_surfaces(atlas: Atlas, _unit: object, result: PanoramaSurfaces) -> dict[str, object]:
+    """Write charts as panoramas show them to the base layer; returns the fields of their record."""
+    digests, told = _write_fused_views(atlas.group, atlas.plan, result.found, result.used)
+    rejected = rejection_record_fields(result.refused, "without it")
+    fields: dict[str, object] = {"digests": digests, "cameras": told, **rejected}
+    if digests:
+        fields["is_complete"] = all(bool(one.is_visible.all()) for one in result.found.values())
+    return fields | {"seconds": result.seconds}
+
+
+def _write_fused_views(
+    group: StoreGroup, plan: Plan, found: Mapping[int, FusedCameraView], used: Mapping[int, Sequence[SurfacePanorama]]
+) -> tuple[dict[str, str], list[tuple[str, float, float]]]:
+    """Write the views of charts to the base layer.
 
     Returns
     -------

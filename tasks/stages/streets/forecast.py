@@ -8,12 +8,19 @@ import numpy as np
 
 from facade_core.atlas.journal import read_journal
 from facade_core.core.arrays import IntArray
-from tasks.engine.pending_reasons import NEW, NOT_DONE, READS_AGAIN, REASONS, STREETS_CHANGED, VIEW_CHANGED
+from tasks.engine.inputs import CODE, CODE_CHANGED, SETTINGS_CHANGED, VIEW_CHANGED, differing_inputs
+from tasks.engine.pending_reasons import NEW, NOT_DONE
 from tasks.engine.stage import ForecastInputs, StageForecast
-from tasks.engine.unit_key import diff_key_parts
 from tasks.stages.shared.base_layer import BASE_LAYER_STAGES
 from tasks.stages.streets.keys import street_keys
 from tasks.stages.streets.panoramas import is_panorama_in_report
+
+# Charts that a street reads are written again.
+READS_AGAIN = "surfaces that they show are pending"
+# Streets of earlier waves, or settings of theirs, changed.
+STREETS_CHANGED = "texels of other streets changed"
+# Of inputs that decide before others do.
+_REASONS = {"settings": SETTINGS_CHANGED, CODE: CODE_CHANGED}
 
 
 def forecast_pending_streets(inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast:
@@ -36,10 +43,10 @@ def forecast_pending_streets(inputs: ForecastInputs, own: Mapping[int, str]) -> 
         record = records[street]
         if record is None:
             pending[street] = NEW
-        elif "views" in (changed := diff_key_parts(record["key"], key)):
+        elif "views" in (changed := differing_inputs(record["key"], key)):
             pending[street] = VIEW_CHANGED
-        elif part := next((part for part in ("settings", "code") if part in changed), None):
-            pending[street] = REASONS[part]
+        elif part := next((part for part in _REASONS if part in changed), None):
+            pending[street] = _REASONS[part]
         elif blends and np.isin(charts, rewritten).any():
             pending[street] = READS_AGAIN
         elif changed:

@@ -75,16 +75,3 @@ def find_differing_panoramas(group: StoreGroup, plan: Plan, sample: int | None) 
         if picture_digest(group["panoramas/rgb"][viewpoint]) != digest
     ]
     return {"viewpoints": viewpoints, "streets": [plan.viewpoints[viewpoint].street for viewpoint in viewpoints]}
-
-
-def charts_written_by_street(plan: Plan) -> list[list[int]]:
-    """Return the charts that each street writes."""
-    written: list[list[int]] = [[] for _ in plan.streets]
-    for street, chart in plan.street_charts[plan.writable[plan.street_charts[:, 1]]].tolist():
-        written[street].append(chart)
-    return written
-
-
-def viewpoint_names(plan: Plan) -> list[str]:
-    """Return the street and number of each viewpoint."""
-    return [f"{plan.streets[one.street].id}, {one.id}" for one in plan.viewpoints]

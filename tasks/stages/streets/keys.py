@@ -18,10 +18,9 @@ from facade_core.atlas.journal import Record, latest_chart_digests, read_records
 from facade_core.core.arrays import Int32Array, Int64Array, IntArray
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
+from tasks.engine.inputs import CODE, digest_values, join_key
 from tasks.engine.run import Run
 from tasks.engine.stage_code import stage_code_digest
-from tasks.engine.unit_key import join_key_parts
-from tasks.stages.shared.key_parts import material_digests
 from tasks.stages.streets.panoramas import is_panorama_in_report
 from tasks.stages.streets.record import ViewpointRecord
 
@@ -93,14 +92,16 @@ def street_keys(
     # also of those of which nothing is seen: a unit that comes or goes clears its charts
     photographed = [[one["unit"], one.get("digests")] for one in shown if one]
     return StreetKeys(
-        join_key_parts(
-            code,
-            settings=settings,
-            views=views,
-            seeds=read if blends else [],
-            earlier=passes,
-            others=[_base_layer_keys(plan, seeds, charts), _charts_of_later_streets(plan, street, charts)],
-            **({"ground": photographed} if photographed else {}),
+        join_key(
+            {CODE: code}
+            | digest_values(
+                settings=settings,
+                views=views,
+                seeds=read if blends else [],
+                earlier=passes,
+                others=[_base_layer_keys(plan, seeds, charts), _charts_of_later_streets(plan, street, charts)],
+                ground=photographed,
+            )
         ),
         tuple(keys),
         unit_key(keys) if blends else "",
@@ -113,7 +114,7 @@ def _settings(run: Run, plan: Plan) -> dict[str, object]:
         path, metres_per_pixel = run.roof_material
         settings["roof_material"] = [file_digest(path), metres_per_pixel]
     if run.materials:
-        settings["materials"] = material_digests(run)
+        settings["materials"] = [[one.name, one.metres, file_digest(one.path)] for one in run.materials]
     if run.texture.translator == "neural" and run.models.translator:
         settings["network"] = file_digest(run.models.translator)
     return settings | {"spacing": plan.scene.spacing, "visibility_range": plan.scene.visibility_range}

@@ -6,15 +6,13 @@ from collections.abc import Mapping
 from typing import cast
 
 from facade_core.atlas.journal import Record
-from tasks.engine.stage import Records, ReingestContext, Stage
+from tasks.engine.stage import OrderedStage, Records, ReingestContext, UnitOutline
 from tasks.stages.streets.forecast import forecast_pending_streets, forecast_pending_viewpoints
 from tasks.stages.streets.integrity import (
-    charts_written_by_street,
     confirm_lost_streets,
     find_differing_panoramas,
     find_lost_streets,
     find_lost_viewpoints,
-    viewpoint_names,
 )
 
 
@@ -69,29 +67,24 @@ def _relocate_viewpoints(change: ReingestContext, again: Mapping[int, int], reco
     return records
 
 
-VIEWPOINTS = Stage(
+VIEWPOINTS = OrderedStage(
     "viewpoints",
     "viewpoint",
-    count=lambda block, plan: len(plan.viewpoints),
-    match_previous=_match_viewpoints,
-    in_every_block=True,
+    outline=lambda block, plan: [UnitOutline(f"{plan.streets[one.street].id}, {one.id}") for one in plan.viewpoints],
+    match=_match_viewpoints,
     relocate=_relocate_viewpoints,
     part_of="streets",
     array_folder="panoramas",
-    unit_names=viewpoint_names,
     find_lost=find_lost_viewpoints,
     find_differing=find_differing_panoramas,
     forecast=forecast_pending_viewpoints,
 )
-STREETS = Stage(
+STREETS = OrderedStage(
     "streets",
     "street",
-    count=lambda block, plan: len(plan.streets),
-    match_previous=_match_streets,
+    outline=lambda block, plan: [UnitOutline(street.id) for street in plan.streets],
+    match=_match_streets,
     relocate=_relocate_streets,
-    follows_base_layer=True,
-    unit_charts=charts_written_by_street,
-    unit_names=lambda plan: [street.id for street in plan.streets],
     find_lost=find_lost_streets,
     confirm_lost=confirm_lost_streets,
     forecast=forecast_pending_streets,

@@ -2,30 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
 from catalogs.block.reader import Block
 from facade_core.atlas.journal import latest_chart_digests, read_journal
-from facade_core.atlas.store import open_table
 from facade_core.atlas.surroundings import coplanar_pieces
 from facade_core.core.arrays import IntArray
 from facade_core.core.grouping import RowsByValue
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import ChartKind
+from facade_core.geometry.settings import DAYLIGHT
 from facade_core.plan.plan import Plan
+from facade_core.street.lighting.settings import SUNLIGHT
 from facade_core.street.surfaces import LEVELLING_MARGIN_M
-from tasks.engine.pending_reasons import REASONS
+from tasks.engine.inputs import INPUTS_PENDING
 from tasks.engine.run import Run
-from tasks.engine.stage import ForecastInputs, IntegrityInputs, ReingestContext, Stage, StageForecast, is_done_record
-from tasks.engine.store.missing_chunks import find_charts_with_missing_chunks
+from tasks.engine.stage import ForecastInputs, Stage, StageForecast, UnitOutline
 from tasks.engine.unit import Unit
 from tasks.stages.shared.base_layer import BASE_LAYER_STAGES
+from tasks.stages.shared.key_parts import bounding_box
 from tasks.stages.shared.memory import FINISHED_TEXEL, LIBRARY_BYTES
+from tasks.stages.shared.scene_view import SceneView, store_charts, view_charts
 from tasks.stages.streets.record import StreetRecord
-from tasks.stages.surfaces.keys import surface_key
-from tasks.stages.surfaces.worker import process_surface
+from tasks.stages.surfaces.worker import SurfaceInputs, compute_surface, write_surface
 
 # Bytes per texel that is painted and levelled, with its surroundings (measured: 150).
 SURFACE_TEXEL = 155
@@ -46,45 +47,81 @@ def buildings_and_ground_pieces(plan: Plan) -> list[tuple[str, list[int]]]:
     return [(name, charts) for name, charts in [*buildings, *ground] if charts]
 
 
-def list_surface_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
+def list_surface_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit[SurfaceInputs]]:
     """List the units of stage `surfaces`, keyed by facades, textures and streets."""
     seeds = latest_chart_digests([record for stage in BASE_LAYER_STAGES for record in read_journal(group, stage)], [])
     walls = latest_chart_digests(read_journal(group, "walls"), [])
     streets = latest_chart_digests([], read_journal(group, "streets", StreetRecord))
-    texels, ids = plan.texel_counts(), [f"{number:016x}" for number in plan.ids.tolist()]
+    texels = plan.texel_counts()
     is_ground = plan.scene.charts.kind == ChartKind.GROUND
     units = []
     for index, (name, charts) in enumerate(buildings_and_ground_pieces(plan)):
-        beside = sorted(
-            {int(one) for chart in charts for one in coplanar_pieces(plan.scene.charts, chart, LEVELLING_MARGIN_M)}
-            - set(charts)
-        )
-        reads = [*charts, *beside]
-        seeded, written, pictured = (
-            frozenset(c for c in reads if ids[c] in digests) for digests in (seeds, streets, walls)
-        )
-        continued = bool(pictured) or (bool(seeded) and bool(is_ground[charts[0]]))
-        units.append(
-            Unit(
-                index,
-                name,
-                (surface_key(run, plan, charts, beside, seeds, streets),),
-                (tuple(charts), seeded, written, pictured),
-                surface_memory(texels[charts], continued=continued),
-                tuple(charts),
-            )
-        )
+        inputs = surface_inputs(run, plan, charts, _charts_beside(plan, charts), seeds, streets, walls)
+        has_seeds = bool(inputs.seeds.charts_with_texels)
+        continued = any(inputs.pictured) or (has_seeds and bool(is_ground[charts[0]]))
+        memory = surface_memory(texels[charts], continued=continued)
+        units.append(Unit(index, name, inputs, memory, tuple(charts)))
     return units
 
 
-def _match_previous(change: ReingestContext) -> dict[int, int]:
-    """Match buildings and ground whose charts all stay: the charts of others are cleared."""
-    before = {name: (unit, charts) for unit, (name, charts) in enumerate(buildings_and_ground_pieces(change.before))}
-    return {
-        unit: before[name][0]
-        for unit, (name, charts) in enumerate(buildings_and_ground_pieces(change.after))
-        if name in before and [change.stays.get(chart) for chart in charts] == before[name][1]
-    }
+def _charts_beside(plan: Plan, charts: Sequence[int]) -> list[int]:
+    """Return the other charts to which some charts are levelled."""
+    pieces = (coplanar_pieces(plan.scene.charts, chart, LEVELLING_MARGIN_M).tolist() for chart in charts)
+    return sorted({one for of_chart in pieces for one in of_chart} - set(charts))
+
+
+def surface_inputs(
+    run: Run,
+    plan: Plan,
+    charts: Sequence[int],
+    beside: Sequence[int],
+    seeds: Mapping[str, str],
+    streets: Mapping[str, str],
+    walls: Collection[str] = (),
+) -> SurfaceInputs:
+    """Return the inputs of the charts of a unit.
+
+    Parameters
+    ----------
+    charts : its charts.
+    beside : neighbouring charts to which it is levelled.
+    seeds : digests of the base layer of charts, by id.
+    streets : digests of street texels of charts, by id.
+    walls : ids of the charts that show camera pictures.
+    """
+    low, high = bounding_box(plan, charts)
+    texture, reads = run.texture, [*charts, *beside]
+    reach = DAYLIGHT.max_occluder_m if texture.sun is None else SUNLIGHT.max_shadow_reach_m
+    is_neural, is_ground = (
+        texture.translator == "neural",
+        bool((plan.scene.charts.kind[list(charts)] == ChartKind.GROUND).any()),
+    )
+    names = [f"{plan.ids[chart]:016x}" for chart in reads]
+    return SurfaceInputs(
+        view=view_charts(run, plan, charts, *sorted(names[len(charts) :])),
+        lines=tuple(plan.ground_digests(charts)) if is_ground else (),
+        around=SceneView(run, (), tuple(plan.scene_objects.digests_in_box(low - reach, high + reach))),
+        seeds=store_charts(run, plan, reads, seeds),
+        pictured=tuple(name in walls for name in names),
+        streets=store_charts(run, plan, reads, streets),
+        views=tuple(_viewpoint_positions(plan, chart) for chart in charts) if is_neural else (),
+        aerial=run.aerial if is_ground else None,
+        roof_material=run.roof_material,
+        materials=run.materials,
+        sun=texture.sun,
+        is_neural=is_neural,
+        levelling=texture.levelling,
+        panorama_width=texture.panorama_width if is_neural else 0,
+        seed=run.seed,
+    )
+
+
+def _viewpoint_positions(plan: Plan, chart: int) -> tuple[tuple[float, ...], ...]:
+    """Return the positions of viewpoints whose pixels a chart was translated from; none of facades: windows have no grain."""
+    if plan.is_facade(chart):
+        return ()
+    seen = plan.select_view_rows(np.array([chart]))[:, 0].tolist()
+    return tuple(tuple(plan.viewpoints[viewpoint].position.tolist()) for viewpoint in seen)
 
 
 def surface_memory(texels: IntArray, *, continued: bool = False) -> int:
@@ -99,17 +136,6 @@ def surface_memory(texels: IntArray, *, continued: bool = False) -> int:
     return LIBRARY_BYTES + int(texels.sum()) * FINISHED_TEXEL + int(texels.max()) * SURFACE_TEXEL + example
 
 
-def _find_lost(store: IntegrityInputs) -> list[int]:
-    """Find surfaces that are done and of whose charts a chunk is not listed: each of their texels has a source."""
-    records = store.records["surfaces"]
-    if not any(map(is_done_record, records)):
-        return []
-    ids = open_table(store.session, "charts").id.values.tolist()
-    missing = find_charts_with_missing_chunks(store.session, "atlas/provenance", range(len(ids)))
-    lost = {f"{ids[chart]:016x}" for chart in missing}
-    return [i for i, r in enumerate(records) if r and is_done_record(r) and not lost.isdisjoint(r["digests"])]
-
-
 def _forecast(inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast:
     """Find the pending surfaces, with those of charts that facades, textures or streets write again."""
     plan = inputs.plan
@@ -118,23 +144,18 @@ def _forecast(inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast:
     for street in inputs.pending["streets"]:
         charts = plan.charts_of_street(street)
         again[charts[plan.writable[charts]]] = True
-    following = {
-        unit.index: REASONS["seeds"] for unit in inputs.units["surfaces"] if again[list(unit.arguments[0])].any()
-    }
+    following = {unit.index: INPUTS_PENDING for unit in inputs.units["surfaces"] if again[list(unit.charts)].any()}
     return StageForecast(following | dict(own))
 
 
 SURFACES = Stage(
     "surfaces",
     "surface",
-    count=lambda block, plan: len(buildings_and_ground_pieces(plan)),
-    match_previous=_match_previous,
-    units=list_surface_units,
-    function=process_surface,
-    reads=(*BASE_LAYER_STAGES, "streets"),
-    in_every_block=True,
-    unit_charts=lambda plan: [charts for _, charts in buildings_and_ground_pieces(plan)],
-    unit_names=lambda plan: [name for name, _ in buildings_and_ground_pieces(plan)],
-    find_lost=_find_lost,
+    outline=lambda block, plan: [
+        UnitOutline(name, tuple(charts)) for name, charts in buildings_and_ground_pieces(plan)
+    ],
+    inputs=list_surface_units,
+    compute=compute_surface,
+    write=write_surface,
     forecast=_forecast,
 )

@@ -4,89 +4,144 @@ from __future__ import annotations
 
 import time
 from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from functools import cache, lru_cache
+from itertools import compress
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
-from icechunk import ForkSession
 
-from facade_core.atlas.journal import Record
+from catalogs.readers.pictures.aerial import Orthophoto
+from catalogs.readers.pictures.materials import MaterialPicture
 from facade_core.atlas.rasters import TexelLayout, chart_digests, write_rasters
-from facade_core.atlas.store import open_root
 from facade_core.atlas.surroundings import ChartReader
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.provenance import merge_atlas_layers
+from facade_core.core.types import Sun
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.facade.wall_material import measure_wall_material
 from facade_core.geometry.chart_packing import ChartPlacements
 from facade_core.plan.plan import Plan
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.surfaces import ChartSunlight, FinishSettings, KnownTexture, TranslatedViews, finish_chart
-from tasks.engine.context import current_worker_name, load_run_plan
+from tasks.engine.atlas import Atlas
+from tasks.engine.context import load_run_plan
+from tasks.engine.inputs import (
+    GEOMETRY_CHANGED,
+    INPUTS_PENDING,
+    SETTINGS_CHANGED,
+    SURROUNDINGS_CHANGED,
+    VIEW_CHANGED,
+    input_field,
+)
 from tasks.engine.run import Run
-from tasks.engine.unit import UnitGroup
-from tasks.stages.shared.materials import aerial_sampler, material_field
-from tasks.stages.surfaces.record import SurfaceColourRecord
+from tasks.stages.shared.materials import material_field
+from tasks.stages.shared.scene_view import SceneView, StoredCharts
 
 
-@lru_cache(maxsize=2)
-def _run_material_field(run: Run) -> MaterialField:
-    return material_field(load_run_plan(run), run.seed, run.roof_material, run.materials)
+@dataclass(frozen=True)
+class SurfaceInputs:
+    """Inputs of the charts of a building or piece of ground.
 
-
-def process_surface(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSession, dict[int, Record]]:
-    """Write colour and provenance of the charts of one building or piece of ground through the fork.
-
-    Unit arguments: its charts; charts with a base layer of facades or textures; charts with street texels; and charts of walls
-    and roofs from panoramas, in the unit and beside it.
+    Attributes
+    ----------
+    view : its charts, and those beside them to which they are levelled.
+    lines : what is painted on ground.
+    around : what may shade the charts.
+    seeds : base layer of these charts: of walls and roofs from panoramas, facades and textures.
+    pictured : whether each of them shows camera pictures of a wall or roof.
+    streets : texels of streets on these charts.
+    views : positions of viewpoints that see each of the charts, where panoramas are translated.
+    aerial : picture of ground from above.
+    roof_material, materials : own pictures of materials.
+    sun : position of the sun.
+    is_neural : whether a network translated the panoramas.
+    levelling : whether seams are levelled.
+    panorama_width : width of the translated panoramas, pixels.
+    seed : seed of the block.
     """
+
+    view: SceneView = input_field(GEOMETRY_CHANGED)
+    lines: tuple[str, ...] = input_field("streets changed")
+    around: SceneView = input_field(SURROUNDINGS_CHANGED)
+    seeds: StoredCharts = input_field(INPUTS_PENDING)
+    pictured: tuple[bool, ...] = input_field(INPUTS_PENDING)
+    streets: StoredCharts = input_field(INPUTS_PENDING)
+    views: tuple[tuple[tuple[float, ...], ...], ...] = input_field(VIEW_CHANGED)
+    aerial: Orthophoto | None = input_field("orthophoto changed")
+    roof_material: tuple[Path, float] | None = input_field(SETTINGS_CHANGED)
+    materials: tuple[MaterialPicture, ...] = input_field(SETTINGS_CHANGED)
+    sun: Sun | None = input_field(SETTINGS_CHANGED)
+    is_neural: bool = input_field(SETTINGS_CHANGED)
+    levelling: bool = input_field(SETTINGS_CHANGED)
+    panorama_width: int = input_field(SETTINGS_CHANGED)
+    seed: int = input_field(SETTINGS_CHANGED)
+
+
+class FinishedSurfaces(NamedTuple):
+    """Colour (t, 3) uint8 and provenance (t,) uint8 of the texels of some charts, and seconds by step."""
+
+    rasters: TexelLayout
+    colour: UInt8Array
+    provenance: UInt8Array
+    seconds: dict[str, float]
+
+
+def compute_surface(inputs: SurfaceInputs) -> FinishedSurfaces:
+    """Resolve colour and provenance of the charts of one building or piece of ground."""
     start = time.time()
-    (unit,) = units
-    charts, seeded, written, pictured = unit.arguments
-    plan = load_run_plan(run)
-    scene, group = plan.scene, open_root(fork)
-    field = _run_material_field(run)
+    charts, scene = inputs.view.charts, inputs.around.scene
+    group, plan = inputs.seeds.store, inputs.view.plan
+    field = _material_field(inputs.view.run, inputs.seed, inputs.roof_material, inputs.materials)
     prepared = time.time()
     scene.daylight.compute(np.array(charts))  # all at once: each call casts rays of its own
+    seeded, written = inputs.seeds.charts_with_texels, inputs.streets.charts_with_texels
+    pictured = frozenset(compress(inputs.seeds.charts, inputs.pictured))
     known = KnownTexture(_make_reader(group, scene.placement, seeded, written), seeded, written, pictured)
-    above = aerial_sampler(run)
     field, own = _add_wall_material(group, plan, field, charts, seeded)
     rasters = TexelLayout.of_charts(scene.placement, charts)
     colour, provenance = np.empty((rasters.total, 3), np.uint8), np.empty(rasters.total, np.uint8)
-    for chart in charts:
+    is_neural, views = inputs.is_neural, inputs.views
+    for number, chart in enumerate(charts):
         rgb, rank = finish_chart(
             scene,
             field,
             chart,
             known,
             FinishSettings(
-                is_neural=run.texture.translator == "neural",
-                views=_network_pixels(run, plan, chart),
-                levelling=run.texture.levelling,
-                aerial=above,
+                is_neural=is_neural,
+                views=TranslatedViews(np.array(views[number]), inputs.panorama_width)
+                if is_neural and views[number]
+                else None,
+                levelling=inputs.levelling,
+                aerial=None if inputs.aerial is None else inputs.aerial.sample,
                 repaint=chart in own,
             ),
             None
-            if run.texture.sun is None
-            else ChartSunlight(run.texture.sun, _facade_labels(group, plan, chart) if chart in seeded else None),
+            if inputs.sun is None
+            else ChartSunlight(inputs.sun, _facade_labels(group, plan, chart) if chart in seeded else None),
         )
         texels = rasters.texel_slice(scene.placement, chart)
         colour[texels], provenance[texels] = rgb.reshape(-1, 3), rank.reshape(-1)
-    painted = time.time()
-    for name, flat in {"colour": colour, "provenance": provenance}.items():
-        write_rasters(group[f"atlas/{name}"], scene.spec, scene.placement, rasters, flat)
-    digests = chart_digests(colour, provenance, scene.placement, rasters, plan.ids)
-    seconds = {"prepare": prepared - start, "paint": painted - prepared, "write": time.time() - painted}
-    record: SurfaceColourRecord = {
-        "unit": unit.name,
-        "key": unit.key,
-        "status": "done",
-        "digests": digests,
-        "texels": rasters.total,
-        "worker": current_worker_name(),
-        "started": start,
-        "seconds": {step: round(s, 4) for step, s in seconds.items()},
-    }
-    return fork, {unit.index: record}
+    return FinishedSurfaces(rasters, colour, provenance, {"prepare": prepared - start, "paint": time.time() - prepared})
+
+
+def write_surface(atlas: Atlas, _unit: object, result: FinishedSurfaces) -> dict[str, object]:
+    """Write colour and provenance of some charts; returns the fields of their record."""
+    scene = atlas.plan.scene
+    for name, flat in {"colour": result.colour, "provenance": result.provenance}.items():
+        write_rasters(atlas.group[f"atlas/{name}"], scene.spec, scene.placement, result.rasters, flat)
+    digests = chart_digests(result.colour, result.provenance, scene.placement, result.rasters, atlas.plan.ids)
+    fields = {"digests": digests, "is_complete": True, "texels": result.rasters.total}
+    return {**fields, "seconds": result.seconds}
+
+
+@lru_cache(maxsize=2)
+def _material_field(
+    run: Run, seed: int, roof_material: tuple[Path, float] | None, materials: tuple[MaterialPicture, ...]
+) -> MaterialField:
+    return material_field(load_run_plan(run), seed, roof_material, materials)
 
 
 def _add_wall_material(
@@ -121,14 +176,6 @@ def _facade_labels(group: StoreGroup, plan: Plan, chart: int) -> UInt8Array | No
         if plan.is_facade(chart)
         else None
     )
-
-
-def _network_pixels(run: Run, plan: Plan, chart: int) -> TranslatedViews | None:
-    """Return the network pixels that a chart was translated from; None of facades, as windows have no grain."""
-    seen = plan.select_view_rows(np.array([chart]))[:, 0]
-    if run.texture.translator != "neural" or plan.is_facade(chart) or not len(seen):
-        return None
-    return TranslatedViews(np.array([plan.viewpoints[v].position for v in seen.tolist()]), run.texture.panorama_width)
 
 
 def _make_reader(

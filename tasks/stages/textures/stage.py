@@ -12,19 +12,18 @@ from facade_core.core.arrays import Int64Array
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
-from tasks.engine.stage import ReingestContext, Stage
-from tasks.engine.stage_code import stage_code_digest
+from tasks.engine.stage import Stage, UnitOutline
 from tasks.engine.unit import Unit
-from tasks.engine.unit_key import join_key_parts
-from tasks.stages.shared.key_parts import OFF_PLANE_M, bounding_box, own_texture_key_parts
+from tasks.stages.shared.key_parts import OFF_PLANE_M, bounding_box, textures_of_charts, view_own_textures
 from tasks.stages.shared.memory import LIBRARY_BYTES, PICTURE_PIXEL, bounded_pixel_count, peak_decoding_bytes
-from tasks.stages.textures.worker import process_textures
+from tasks.stages.shared.scene_view import SceneView
+from tasks.stages.textures.worker import TextureInputs, compute_textures, write_textures
 
 # Bytes per texel of a model's texture: colour, cover and places in the atlas.
 TEXTURE_TEXEL = 40
 
 
-def list_texture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
+def list_texture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit[TextureInputs]]:
     """List the units of stage `textures`: buildings with textures of their own."""
     buildings = plan.buildings_with_textures()
     if not buildings:
@@ -35,8 +34,7 @@ def list_texture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) ->
         Unit(
             index,
             plan.scene.names[building],
-            (texture_key(run, plan, building, block.textures),),
-            (building, block.textures),
+            texture_inputs(run, plan, building, block.textures),
             texture_memory(int(texels[building]), [block.textures[p] for p in pictures.get(building, ())]),
             tuple(plan.list_textured_charts(building)),
         )
@@ -53,36 +51,20 @@ def _texels_by_building(plan: Plan) -> Int64Array:
     return totals
 
 
-def _match_previous(change: ReingestContext) -> dict[int, int]:
-    """Match buildings whose textured charts all stay; the charts of others stay no longer."""
-
-    def units(plan: Plan) -> dict[str, tuple[int, list[int]]]:
-        buildings = enumerate(plan.buildings_with_textures())
-        return {plan.scene.names[building]: (unit, plan.list_textured_charts(building)) for unit, building in buildings}
-
-    before, again = units(change.before), {}
-    for name, (unit, charts) in units(change.after).items():
-        if name in before and [change.stays.get(chart) for chart in charts] == before[name][1]:
-            again[unit] = before[name][0]
-        else:
-            for chart in charts:
-                change.stays.pop(chart, None)
-    return again
-
-
-def texture_key(run: Run, plan: Plan, building: int, textures: Sequence[Path]) -> str:
-    """Return the key of a building's charts that have textures of their own or are seen from above, without its facades."""
-    charts = plan.list_textured_charts(building)
-    parts: dict[str, object] = {
-        "settings": run.texture.texels_per_metre,
-        "own": own_texture_key_parts(plan, charts, textures),
-    }
+def texture_inputs(run: Run, plan: Plan, building: int, textures: Sequence[Path]) -> TextureInputs:
+    """Return the inputs of a building's charts that have textures of their own or are seen from above."""
+    charts, above = plan.list_textured_charts(building), None
     if run.aerial is not None and charts:
-        parts["aerial"] = [run.aerial.content, run.aerial.crs, run.aerial.frame]
         low, high = bounding_box(plan, charts)
         high[2] = np.inf
-        parts["above"] = plan.scene_objects.digests_in_box(low - OFF_PLANE_M, high + OFF_PLANE_M)
-    return join_key_parts(stage_code_digest("textures"), **parts)
+        objects = plan.scene_objects.digests_in_box(low - OFF_PLANE_M, high + OFF_PLANE_M)
+        above = SceneView(run, tuple(charts), tuple(objects))
+    return TextureInputs(
+        own=view_own_textures(run, plan, charts, textures),
+        aerial=run.aerial if charts else None,
+        above=above,
+        pictures=textures_of_charts(plan, charts, textures),
+    )
 
 
 def texture_memory(texels: int, pictures: Sequence[Path]) -> int:
@@ -97,11 +79,11 @@ def texture_memory(texels: int, pictures: Sequence[Path]) -> int:
 TEXTURES = Stage(
     "textures",
     "textured building",
-    count=lambda block, plan: len(plan.buildings_with_textures()),
-    match_previous=_match_previous,
-    units=list_texture_units,
-    function=process_textures,
-    writes_base_layer=True,
-    unit_charts=lambda plan: [plan.list_textured_charts(building) for building in plan.buildings_with_textures()],
-    unit_names=lambda plan: [plan.scene.names[building] for building in plan.buildings_with_textures()],
+    outline=lambda block, plan: [
+        UnitOutline(plan.scene.names[building], tuple(plan.list_textured_charts(building)))
+        for building in plan.buildings_with_textures()
+    ],
+    inputs=list_texture_units,
+    compute=compute_textures,
+    write=write_textures,
 )

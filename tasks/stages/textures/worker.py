@@ -2,60 +2,77 @@
 
 from __future__ import annotations
 
-import time
-from typing import cast
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
-from icechunk import ForkSession
 
-from facade_core.atlas.journal import Record
+from catalogs.readers.pictures.aerial import Orthophoto
 from facade_core.atlas.rasters import TexelLayout, chart_digests, write_rasters
-from facade_core.atlas.store import open_root
+from facade_core.core.arrays import UInt8Array
 from facade_core.core.provenance import Provenance
 from facade_core.geometry.overhead_view import resample_aerial_to_chart, upward_roof_mask
 from facade_core.imagery.rectify.model_texture import render_model_texture
-from tasks.engine.context import current_worker_name, load_run_plan
+from tasks.engine.atlas import Atlas
+from tasks.engine.inputs import SURROUNDINGS_CHANGED, input_field
 from tasks.engine.outcome import rejection_record_fields
-from tasks.engine.run import Run
-from tasks.engine.unit import UnitGroup
 from tasks.stages.shared.images import read_textures
-from tasks.stages.shared.materials import aerial_sampler
-from tasks.stages.textures.record import TexturedBuildingRecord
+from tasks.stages.shared.scene_view import SceneView
 
 
-def process_textures(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSession, dict[int, Record]]:
-    """Write the textured charts of one building through the fork; returns the fork and the record."""
-    start = time.time()
-    (unit,) = units
-    building, textures = unit.arguments
-    plan = load_run_plan(run)
-    scene = plan.scene
-    charts = plan.list_textured_charts(building)
+@dataclass(frozen=True)
+class TextureInputs:
+    """Inputs of the textured charts of a building.
+
+    Attributes
+    ----------
+    own : its charts, with the places of their corners on pictures, and these pictures.
+    aerial : picture from above.
+    above : what may hide its roofs from above; None without such a picture.
+    pictures : files of `own`, by their number in the model.
+    """
+
+    own: SceneView = input_field("own texture changed")
+    aerial: Orthophoto | None = input_field("orthophoto changed")
+    above: SceneView | None = input_field(SURROUNDINGS_CHANGED)
+    pictures: Mapping[int, Path] = field(default_factory=dict)
+
+
+class TexturedCharts(NamedTuple):
+    """Colours (h, w, 3) uint8 and provenance (h, w) uint8 of charts, and errors of pictures that cannot be used."""
+
+    rasters: Mapping[int, tuple[UInt8Array, UInt8Array]]
+    refused: list[Exception]
+
+
+def compute_textures(inputs: TextureInputs) -> TexturedCharts:
+    """Resample the textures of a building's model, and its roofs from above, to the charts."""
     refused: list[Exception] = []
-    images = read_textures(textures, scene.mesh.texture[np.isin(scene.mesh.chart, charts)], refused)
-    group = open_root(fork)
-    digests: dict[str, str] = {}
-    aerial, roofs = aerial_sampler(run), upward_roof_mask(scene)
-    for chart in charts:
+    images = read_textures(inputs.pictures, refused)
+    aerial, seen_from = inputs.aerial, inputs.own if inputs.above is None else inputs.above
+    scene, rasters = seen_from.scene, {}
+    roofs = upward_roof_mask(scene)
+    for chart in inputs.own.charts:
         rgb, covered = render_model_texture(scene, chart, images)
         if aerial is not None and roofs[chart]:
-            seen, known = resample_aerial_to_chart(scene, chart, aerial)
+            seen, known = resample_aerial_to_chart(scene, chart, aerial.sample)
             rgb, covered = np.where((known & ~covered)[..., None], seen, rgb), covered | known
-        seed = rgb.reshape(-1, 3)
-        evidence = np.where(covered, Provenance.PHOTO, Provenance.UNSEEN).astype(np.uint8).reshape(-1)
-        rasters = TexelLayout.of_charts(scene.placement, [chart])
-        for array, flat in {"seed": seed, "seed_evidence": evidence}.items():
-            write_rasters(group[f"atlas/{array}"], scene.spec, scene.placement, rasters, flat)
-        digests |= chart_digests(seed, evidence, scene.placement, rasters, plan.ids)
-    record: TexturedBuildingRecord = {
-        "unit": unit.name,
-        "key": unit.key,
-        "status": "done",
-        "charts": len(charts),
-        "digests": digests,
-        "worker": current_worker_name(),
-        "started": start,
-        "seconds": {"texture": round(time.time() - start, 4)},
-    }
-    record |= cast(TexturedBuildingRecord, rejection_record_fields(refused, "without it"))
-    return fork, {unit.index: record}
+        rasters[chart] = rgb, np.where(covered, Provenance.PHOTO, Provenance.UNSEEN).astype(np.uint8)
+    return TexturedCharts(rasters, refused)
+
+
+def write_textures(atlas: Atlas, _unit: object, result: TexturedCharts) -> dict[str, object]:
+    """Write the textured charts of a building; returns the fields of their record."""
+    scene, is_complete = atlas.plan.scene, True
+    digests: dict[str, str] = {}
+    for chart, (rgb, covered) in result.rasters.items():
+        seed, evidence = rgb.reshape(-1, 3), covered.reshape(-1)
+        layout = TexelLayout.of_charts(scene.placement, [chart])
+        for name, flat in {"seed": seed, "seed_evidence": evidence}.items():
+            write_rasters(atlas.group[f"atlas/{name}"], scene.spec, scene.placement, layout, flat)
+        digests |= chart_digests(seed, evidence, scene.placement, layout, atlas.plan.ids)
+        is_complete &= bool((evidence != Provenance.UNSEEN).all())
+    rejected = rejection_record_fields(result.refused, "without it")
+    return {"charts": len(result.rasters), "digests": digests, "is_complete": is_complete, **rejected}

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from typing import cast
-
 from facade_core.atlas.journal import Record
-from facade_core.atlas.stored_files import tile_paths
 
 
 class TileRecord(Record, total=False):
@@ -29,9 +26,3 @@ class TileRecord(Record, total=False):
     digest: str
     box: list[list[float]]
     coarse: str
-
-
-def tile_file_digests(unit: int, record: Record) -> dict[str, str]:
-    """Return the stored files of a tile that is done, path -> digest."""
-    tile = cast(TileRecord, record)
-    return dict(zip(tile_paths(tile["unit"]), (tile["digest"], tile["coarse"]), strict=True))

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import time
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
-from icechunk import ForkSession
 
-from facade_core.atlas.journal import Record, read_records
+from facade_core.atlas.journal import read_records
 from facade_core.atlas.rasters import TexelLayout, read_rasters
-from facade_core.atlas.store import open_root
 from facade_core.atlas.stored_files import (
     digest_stored_file,
     read_stored_file,
@@ -22,21 +20,48 @@ from facade_core.core.arrays import Int64Array, UInt8Array
 from facade_core.core.errors import StoreError
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.export.models.textured_mesh import TexturedMesh, build_textured_mesh
-from facade_core.export.tiles.tile_model import EarlierTile, build_tile_model
-from tasks.engine.context import current_worker_name, load_run_plan
+from facade_core.export.tiles.tile_model import EarlierTile, TileModel, build_tile_model
+from tasks.engine.atlas import Atlas
+from tasks.engine.context import load_run_plan
+from tasks.engine.inputs import GEOMETRY_CHANGED, INPUTS_PENDING, SETTINGS_CHANGED, input_field
 from tasks.engine.run import Run
-from tasks.engine.unit import Unit, UnitGroup
+from tasks.engine.unit import Unit
+from tasks.stages.shared.scene_view import SceneView, StoredCharts
 from tasks.stages.tiles.record import TileRecord
 
 
-def process_tile(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSession, dict[int, Record]]:
-    """Write the model of one tile and its coarse rasters through the fork; returns the fork and the record."""
-    start = time.time()
-    (unit,) = units
-    charts, digests, shape, origin = unit.arguments
-    plan = load_run_plan(run)
-    placement = plan.scene.placement
-    group = open_root(fork)
+@dataclass(frozen=True)
+class TileInputs:
+    """Inputs of a tile.
+
+    Attributes
+    ----------
+    names : names of its buildings.
+    objects : shapes of its buildings and ground.
+    charts : its charts with their texels.
+    origin : origin of its model in the world.
+    crs : frame of the block.
+    buildings : indices of its buildings, in the order of the names.
+    layout : digest of the layout of its pictures, by which pictures of an earlier tile are taken over.
+    path : its path in the quadtree.
+    index : its index in the journal.
+    """
+
+    objects: SceneView = input_field(GEOMETRY_CHANGED)
+    charts: StoredCharts = input_field(INPUTS_PENDING)
+    names: tuple[str, ...] = input_field(GEOMETRY_CHANGED)
+    origin: tuple[float, ...] = input_field(SETTINGS_CHANGED)
+    crs: str = input_field(SETTINGS_CHANGED)
+    buildings: tuple[int, ...] = field(default=())
+    layout: str = field(default="")
+    path: str = field(default="")
+    index: int = field(default=0)
+
+
+def compute_tile(inputs: TileInputs) -> TileModel:
+    """Encode the model of a tile, and its coarse rasters."""
+    scene, group, texels = inputs.objects.scene, inputs.charts.store, inputs.charts
+    placement = scene.placement
 
     def rasters(chosen: Int64Array) -> dict[int, UInt8Array]:
         held = TexelLayout.of_charts(placement, chosen)
@@ -48,13 +73,22 @@ def process_tile(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSes
             for chart in chosen.tolist()
         }
 
-    names = dict(enumerate(plan.scene.names))
-    earlier = _earlier_tile(group, unit, shape)
-    extras = {"origin": list(origin), "crs": run.crs}
-    tile = build_tile_model(_textured_scene(run), charts, digests, names, rasters, extras, earlier)
+    return build_tile_model(
+        _textured_scene(inputs.objects.run),
+        np.array(texels.charts),
+        texels.texel_digests,
+        dict(zip(inputs.buildings, inputs.names, strict=True)),
+        rasters,
+        {"origin": list(inputs.origin), "crs": inputs.crs},
+        _earlier_tile(group, inputs),
+    )
+
+
+def write_tile(atlas: Atlas, unit: Unit[TileInputs], tile: TileModel) -> dict[str, object]:
+    """Write the model of a tile and its coarse rasters; returns the fields of its record."""
     model, coarse = tile_paths(unit.name)
-    write_stored_file(group, model, tile.glb, f"tile {unit.name}, GLB")
-    group.create_array(
+    write_stored_file(atlas.group, model, tile.glb, f"tile {unit.name}, GLB")
+    atlas.group.create_array(
         coarse,
         data=tile.coarse,
         chunks=tile.coarse.shape,
@@ -62,30 +96,25 @@ def process_tile(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSes
         attributes={"long_name": f"charts of tile {unit.name} made smaller, one after the other"},
         overwrite=True,
     )
-    record: TileRecord = {
-        "unit": unit.name,
-        "key": unit.key,
-        "status": "done",
-        "charts": len(charts),
-        "shape": shape,
+    digests = digest_stored_file(tile.glb), digest_stored_file(tile.coarse.tobytes())
+    return {
+        "charts": len(unit.inputs.charts.charts),
+        "shape": unit.inputs.layout,
         "made_of": list(tile.picture_digests),
         "bytes": len(tile.glb),
-        "digest": digest_stored_file(tile.glb),
+        "digest": digests[0],
         "box": tile.box.round(3).tolist(),
-        "coarse": digest_stored_file(tile.coarse.tobytes()),
-        "worker": current_worker_name(),
-        "started": start,
-        "seconds": {"tile": round(time.time() - start, 4)},
+        "coarse": digests[1],
+        "files": {model: digests[0], coarse: digests[1]},
     }
-    return fork, {unit.index: record}
 
 
-def _earlier_tile(group: StoreGroup, unit: Unit, shape: str) -> EarlierTile | None:
-    """Return the stored tile if it has the same shape and is complete."""
-    (record,) = read_records(group, "tiles", np.array([unit.index]), TileRecord)
-    if record is None or record["status"] != "done" or record.get("shape") != shape:
+def _earlier_tile(group: StoreGroup, inputs: TileInputs) -> EarlierTile | None:
+    """Return the stored tile if its pictures have the same layout and it is complete."""
+    (record,) = read_records(group, "tiles", np.array([inputs.index]), TileRecord)
+    if record is None or record["status"] != "done" or record.get("shape") != inputs.layout:
         return None
-    model, path = tile_paths(unit.name)
+    model, path = tile_paths(inputs.path)
     try:
         glb = read_stored_file(group, model, record["digest"])
         coarse = read_verified_array(group, path, record["coarse"])

@@ -164,7 +164,7 @@ def test_a_store_of_another_format_says_what_to_do(tmp_path: Path, format_: int 
     root.attrs["format"] = format_
     commit(session, "as another version")
     with pytest.raises(
-        StoreFormatError, match=r"is of format (1|3|unknown), and .* reads 5; `streetloom run"
+        StoreFormatError, match=r"is of format (1|3|unknown), and .* reads 6; `streetloom run"
     ) as caught:
         open_atlas(out)
     assert str(out / "store") in str(caught.value)

@@ -44,7 +44,7 @@ class Room:
 def pieces(draw: st.DrawFn) -> list[UnitGroup]:
     sizes = draw(st.lists(st.tuples(st.integers(1, 40), st.integers(0, 1000)), max_size=60))
     return [
-        tuple(Unit(1000 * i + k, f"{i}/{k}", ("",), memory=memory) for k in range(n))
+        tuple(Unit(1000 * i + k, f"{i}/{k}", None, memory=memory) for k in range(n))
         for i, (n, memory) in enumerate(sizes)
     ]
 
@@ -65,7 +65,7 @@ def test_batches_keep_order_lose_nothing_and_fit(work: list[UnitGroup], memory: 
 
 
 def test_a_stage_counts_units_not_pieces() -> None:
-    one, two, three = (Unit(i, str(i), ("",)) for i in range(3))
+    one, two, three = (Unit(i, str(i), None) for i in range(3))
     done: Any = ({},) * 4
     assert PendingUnits(POSES, ((one, two), (three,)), done).total == 7
 
@@ -86,7 +86,7 @@ def big(run: Any, fork: Any, units: UnitGroup) -> tuple[bytes, dict[int, dict[st
 
 def counted(run: Any, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, dict[str, Any]]]:
     """Leaves a line in a file of its own each time that it runs."""
-    index, (folder,) = units[0].index, units[0].arguments
+    index, (folder,) = units[0].index, units[0].inputs
     with (Path(folder) / str(index)).open("a") as file:
         file.write("run\n")
     if index == 3:
@@ -95,7 +95,7 @@ def counted(run: Any, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, dict[
 
 
 def batch(count: int, folder: Path) -> list[UnitGroup]:
-    return [(Unit(i, str(i), (f"key {i}",), (str(folder),), 10**6),) for i in range(count)]
+    return [(Unit(i, str(i), (str(folder),), 10**6, digests={"code": str(i)}),) for i in range(count)]
 
 
 RUN = SimpleNamespace(store=None)
@@ -141,7 +141,7 @@ def test_a_unit_runs_once_and_one_that_raises_is_recorded(tmp_path: Path, commit
     ((unit, reason),) = outcome.failed
     assert (unit, reason) == ("3", error_reason(ValueError("three is bad")))
     assert [list(records) for records in commits] == [[i] for i in range(6)]
-    expected = {"unit": "3", "key": "key 3", "status": "failed", "reason": reason}
+    expected = {"unit": "3", "key": "code:3", "status": "failed", "reason": reason}
     assert commits[3][3].items() >= expected.items()
     assert {path.read_text() for path in tmp_path.iterdir()} == {"run\n"}
 

@@ -148,7 +148,7 @@ def test_a_fault_keeps_its_kind_and_place_on_its_way_from_a_worker(
     run: Any = SimpleNamespace(store=None)
 
     def batch(*indices: int) -> list[UnitGroup]:
-        return [(Unit(i, f"a/{i}", (f"key {i}",), memory=10**6),) for i in indices]
+        return [(Unit(i, f"a/{i}", None, 10**6, digests={"code": str(i)}),) for i in indices]
 
     with connect(workers, None, str(tmp_path)) as compute:
         outcome = process_batch.fn(run, "toys", "1 of 2", unit, batch(0, 1), compute)
@@ -164,7 +164,7 @@ def test_a_fault_keeps_its_kind_and_place_on_its_way_from_a_worker(
 
 def test_units_that_wait_for_their_turn_when_a_run_ends_do_not_start(tmp_path: Path) -> None:
     with connect(1, None, str(tmp_path)) as compute:
-        waiting = compute.submit(unit, None, "fork", (Unit(0, "a", ("",)),))
+        waiting = compute.submit(unit, None, "fork", (Unit(0, "a", None),))
     with pytest.raises(MachineError, match="the run has ended"):
         waiting.result()
     with pytest.raises(MachineError, match="the run has ended"), compute.reserve_place():

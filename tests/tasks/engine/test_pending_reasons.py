@@ -1,23 +1,41 @@
-"""Reasons of pending units: the kind of input in which the recorded key and the key of now differ."""
+"""Reasons of pending units: the first input that differs from those of the record."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from pathlib import Path
+
 import pytest
 
+from tasks.engine.inputs import CODE, digest_inputs, digest_values, input_field
 from tasks.engine.pending_reasons import pending_reasons
 from tasks.engine.unit import Unit
+
+
+@dataclass(frozen=True)
+class Pictured:
+    photo: Path | None = input_field("photo changed", new="new photo")
+    exemplar: str = input_field("exemplar changed")
 
 
 @pytest.mark.parametrize(
     ("recorded", "reason"),
     [
-        ("code:1 exemplar:1", "new photo"),
+        ("code:1 photo:{nothing} exemplar:2", "new photo"),
         ("code:1 photo:2", "photo changed"),
-        ("code:2 photo:1", "code or a library changed"),
+        ("code:2 photo:{photo}", "code or a library changed"),
+        ("code:1 photo:{photo} exemplar:1", "exemplar changed"),
     ],
 )
-def test_a_photo_is_new_where_there_was_none(recorded: str, reason: str) -> None:
-    record = {"unit": "a-0", "key": recorded, "status": "done"}
-    assert pending_reasons([record], [Unit(0, "a-0", ("code:1 photo:1",))]) == {0: reason}
-    with_fallback = Unit(0, "a-0", ("code:1 photo:1", "code:1 photo:1 exemplar:1"))
-    assert pending_reasons([record], [with_fallback]) == {0: reason}
+def test_a_photo_is_new_where_there_was_none(tmp_path: Path, recorded: str, reason: str) -> None:
+    path = tmp_path / "a.png"
+    path.write_bytes(b"a")
+    inputs = Pictured(path, "brick")
+    unit = Unit(0, "a-0", inputs, digests={CODE: "1"} | digest_inputs(inputs))
+    key = recorded.format(photo=unit.digests["photo"], nothing=digest_values(photo=None)["photo"])
+    assert pending_reasons([{"unit": "a-0", "key": key, "status": "done"}], [unit]) == {0: reason}
+    assert pending_reasons([{"unit": "a-0", "key": unit.key, "status": "failed"}], [unit]) == {0: "not done before"}
+    assert (
+        pending_reasons([{"unit": "a-0", "key": f"code:1 photo:{unit.digests['photo']}", "status": "done"}], [unit])
+        == {}
+    )

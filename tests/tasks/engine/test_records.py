@@ -10,11 +10,12 @@ from PIL import Image
 
 from catalogs.readers.pictures.folders import list_images
 from facade_core.core.errors import FacadeError, ImageError
+from tasks.engine.inputs import digest_inputs
 from tasks.engine.outcome import UnitOutcomeCounts, failure_record, is_done_for_keys
 from tasks.engine.progress import StageProgress, add_listener, begin_stage, report_progress
 from tasks.engine.run import Run
 from tasks.engine.seeds import unit_seed
-from tasks.stages.exemplars.stage import exemplar_key
+from tasks.stages.exemplars.stage import exemplar_inputs
 from tasks.stages.shared.images import read_image_and_mask, read_labels
 from tests.settings import block_settings
 
@@ -111,8 +112,8 @@ def test_labels_lie_beside_an_exemplar(tmp_path: Path) -> None:
     read = read_labels(picture, (20, 30))
     assert read is not None
     assert (read.shape, read[9].max(), read[10].min()) == ((20, 30), 0, 1)
-    before = exemplar_key(RUN, picture)
+    before = digest_inputs(exemplar_inputs(RUN, picture))
     Image.fromarray(labels + np.uint8(40)).save(tmp_path / "a.labels.png")
-    assert exemplar_key(RUN, picture) != before
+    assert digest_inputs(exemplar_inputs(RUN, picture)) != before
     with pytest.raises(ImageError, match=r"a\.labels\.png is no label map of a\.png"):
         read_labels(picture, (40, 60))

@@ -20,25 +20,26 @@ from hypothesis import strategies as st
 from catalogs.block.keys import SunSettings
 from catalogs.block.reader import TextureSettings
 from catalogs.block.settings import replace_settings
+from catalogs.readers.pictures.aerial import Orthophoto
 from catalogs.readers.pictures.materials import MaterialPicture
 from facade_core.atlas.journal import write_record
 from facade_core.core.types import Building, BuildingShell, Pose, Street, TrainedModelFiles
 from facade_core.imagery.poses.joint_refinement import PriorPose
 from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan
 from facade_core.plan.plan import Plan
+from tasks.engine.inputs import differing_inputs, digest_inputs, join_key
 from tasks.engine.run import Run
-from tasks.engine.unit_key import diff_key_parts, join_key_parts, split_key
-from tasks.stages.bundles.stage import bundle_key
+from tasks.stages.bundles.stage import bundle_inputs
 from tasks.stages.bundles.worker import BundlePanorama
-from tasks.stages.exemplars.stage import exemplar_key
-from tasks.stages.facades.imagery import FacadeImagery
-from tasks.stages.facades.keys import facade_keys
+from tasks.stages.exemplars.stage import exemplar_inputs
+from tasks.stages.facades.imagery import ChosenExemplar, FacadeImagery
+from tasks.stages.facades.stage import facade_inputs
 from tasks.stages.order import STAGE_NAMES
-from tasks.stages.poses.stage import pose_key
+from tasks.stages.poses.stage import list_pose_units
 from tasks.stages.streets.keys import KEY_SETTINGS, StreetKeys, street_keys
 from tasks.stages.streets.panoramas import is_panorama_in_report
-from tasks.stages.surfaces.keys import surface_key
-from tasks.stages.textures.stage import texture_key
+from tasks.stages.surfaces.stage import surface_inputs
+from tasks.stages.textures.stage import texture_inputs
 from tests.settings import block_settings
 
 RUN = Run(
@@ -53,6 +54,7 @@ RUN = Run(
 TEXTURE = {field.name for field in fields(TextureSettings)}
 POSE = Pose(5.0, -3.0, 2.5, 30.0, 1.0, 2.0)
 TOLD = np.diag([0.1, 0.1, 0.2, 0.5])
+BRICK = ChosenExemplar(0, "brick", "e0")
 # Settings that no key of a facade, a pose or an exemplar knows of.
 ELSEWHERE = {"out": "/other", "block": "other", "key": "l", "crs": "EPSG:32635", "ingested": 2.0, "failed_limit": 0.5}
 
@@ -129,8 +131,7 @@ class Inputs:
     pose: Pose = POSE
     given: Pose = POSE
     rectified: bool = True
-    exemplar: tuple[int, str] = (0, "brick")
-    exemplars: dict[int, str] = field(default_factory=lambda: {0: "e0", 1: "e1"})
+    exemplar: ChosenExemplar = BRICK
     entrances: tuple[float, ...] = ()
     files: dict[str, bytes] = field(default_factory=dict)
 
@@ -146,7 +147,11 @@ class Inputs:
     def imagery(self) -> FacadeImagery:
         panoramas = ((self.path("panorama.jpg"), self.pose),)
         return FacadeImagery(
-            self.path("photo.jpg"), self.rectified, panoramas, exemplar=self.exemplar, entrances=self.entrances
+            photo=self.path("photo.jpg"),
+            rectified=self.rectified,
+            panoramas=panoramas,
+            exemplar=self.exemplar,
+            entrances=self.entrances,
         )
 
     def plan(self) -> Plan:
@@ -179,54 +184,58 @@ def of_kinds(kind: str) -> Callable[[Inputs], None]:
     return change
 
 
-def facade_of(inputs: Inputs) -> tuple[str, ...]:
+def facade_of(inputs: Inputs) -> object:
     plan = inputs.plan()
     facade = plan.facades.id.index("a-0")
-    return facade_keys(inputs.run, plan, facade, inputs.imagery(), inputs.exemplars, ())
+    return facade_inputs(inputs.run, plan, facade, inputs.imagery(), ())
 
 
-def pose_of(inputs: Inputs) -> tuple[str, ...]:
+def pose_of(inputs: Inputs) -> object:
     plan = replace(inputs.plan(), poses=(inputs.pose,))
-    return (pose_key(inputs.run, plan, 0, inputs.path("panorama.jpg"), not inputs.rectified),)
+    panorama = SimpleNamespace(path=inputs.path("panorama.jpg"), pose=inputs.pose)
+    block: Any = SimpleNamespace(panoramas=[panorama], buildings=[])
+    return list_pose_units(inputs.run, block, plan, zarr.create_group({}))[0].inputs
 
 
-def bundle_of(inputs: Inputs) -> tuple[str, ...]:
-    member = BundlePanorama(
-        inputs.path("panorama.jpg"), inputs.given, PriorPose(inputs.pose, TOLD if inputs.rectified else None)
-    )
-    return (bundle_key(inputs.run, inputs.plan(), [member, member], [0]),)
+def bundle_of(inputs: Inputs) -> object:
+    prior = PriorPose(inputs.pose, TOLD if inputs.rectified else None)
+    member = BundlePanorama(inputs.path("panorama.jpg"), inputs.given, prior)
+    return bundle_inputs(inputs.run, inputs.plan(), (member, member), (0,))
 
 
-def exemplar_of(inputs: Inputs) -> tuple[str, ...]:
-    return (exemplar_key(inputs.run, inputs.path("exemplar.png")),)
+def exemplar_of(inputs: Inputs) -> object:
+    return exemplar_inputs(inputs.run, inputs.path("exemplar.png"))
 
 
-def texture_of(inputs: Inputs) -> tuple[str, ...]:
+def texture_of(inputs: Inputs) -> object:
     inputs.kinds |= {"carrying"}
-    return (texture_key(inputs.run, inputs.plan(), 0, [inputs.path("own.png")]),)
+    return texture_inputs(inputs.run, inputs.plan(), 0, [inputs.path("own.png")])
 
 
-AERIAL: Any = SimpleNamespace(content="x", crs="EPSG:3067", frame=None)
+AERIAL: Any = Orthophoto(Path("above.tif"), "EPSG:3067", "EPSG:3067", "x")
+SEEDS = {"seed", "wall_seed", "building_seed"}
+VIEWS = {"view", "between", "house_view"}
 Changes = Mapping[str, tuple[Callable[[Inputs], None], set[str]]]
 NOWHERE: Changes = {name: (of_run(**{name: value}), set()) for name, value in ELSEWHERE.items()}
-# Of the keys of each kind of unit: what is another, how, and the parts of the key that tell.
-CHANGES: Mapping[str, tuple[Callable[[Inputs], tuple[str, ...]], Changes]] = {
+# Of the inputs of each kind of unit: what is another, how, and the inputs that differ.
+CHANGES: Mapping[str, tuple[Callable[[Inputs], object], Changes]] = {
     "facade": (
         facade_of,
         {
-            "seed": (of_run(seed=2), {"settings"}),
-            "resolution": (of_run(texels_per_metre=5.0), {"settings"}),
+            "seed": (of_run(seed=2), SEEDS),
+            "resolution": (of_run(texels_per_metre=5.0), VIEWS),
             "walls": (of_run(walls="exemplar"), {"walls"}),
             "photo": (of_file("photo.jpg"), {"photo"}),
-            "rectified": (of_inputs(rectified=False), {"photo"}),
+            "rectified": (of_inputs(rectified=False), {"rectified"}),
             "privacy": (of_run(privacy="keep"), {"privacy"}),
             "panorama": (of_file("panorama.jpg"), {"panoramas"}),
             "pose": (of_inputs(pose=replace(POSE, roll=3.0)), {"panoramas"}),
-            "what is between": (of_kinds("near"), {"between", "beside"}),
+            "what is between": (of_kinds("near"), {"between", "house_view"}),
             "what is behind": (of_kinds("far"), set()),
-            "the house": (of_kinds("higher"), {"geometry", "between", "beside"}),
-            "which exemplar": (of_inputs(exemplar=(1, "plaster")), {"exemplar"}),
-            "the exemplar": (of_inputs(exemplars={0: "f0", 1: "f1"}), {"exemplar"}),
+            "the house": (of_kinds("higher"), VIEWS),
+            "which exemplar": (of_inputs(exemplar=ChosenExemplar(0, "plaster", "e0")), {"exemplar"}),
+            "the exemplar": (of_inputs(exemplar=ChosenExemplar(0, "brick", "f0")), {"exemplar"}),
+            "its place in the block": (of_inputs(exemplar=ChosenExemplar(3, "brick", "e0")), set()),
             "entrances": (of_inputs(entrances=(4.5,)), {"entrances"}),
             "storey": (of_run(storey=4.0), set()),
         }
@@ -235,11 +244,11 @@ CHANGES: Mapping[str, tuple[Callable[[Inputs], tuple[str, ...]], Changes]] = {
     "pose": (
         pose_of,
         {
-            "resolution": (of_run(texels_per_metre=5.0), {"settings"}),
+            "resolution": (of_run(texels_per_metre=5.0), {"around"}),
             "seed": (of_run(seed=2), set()),
             "panorama": (of_file("panorama.jpg"), {"picture"}),
-            "pose": (of_inputs(pose=replace(POSE, heading=31.0)), {"pose"}),
-            "near": (of_kinds("near"), {"geometry"}),
+            "pose": (of_inputs(pose=replace(POSE, heading=31.0)), {"given"}),
+            "near": (of_kinds("near"), {"around"}),
             "far": (of_kinds("far"), set()),
         }
         | NOWHERE,
@@ -247,13 +256,13 @@ CHANGES: Mapping[str, tuple[Callable[[Inputs], tuple[str, ...]], Changes]] = {
     "bundle": (
         bundle_of,
         {
-            "resolution": (of_run(texels_per_metre=5.0), {"settings"}),
+            "resolution": (of_run(texels_per_metre=5.0), {"around", "surfaces"}),
             "seed": (of_run(seed=2), set()),
-            "panorama": (of_file("panorama.jpg"), {"panoramas"}),
-            "the pose refined alone": (of_inputs(pose=replace(POSE, heading=31.0)), {"panoramas"}),
-            "the stated pose": (of_inputs(given=replace(POSE, x=1.0)), {"pose"}),
-            "what told it": (of_inputs(rectified=False), {"panoramas"}),
-            "near": (of_kinds("near"), {"geometry"}),
+            "panorama": (of_file("panorama.jpg"), {"members"}),
+            "the pose refined alone": (of_inputs(pose=replace(POSE, heading=31.0)), {"members"}),
+            "the stated pose": (of_inputs(given=replace(POSE, x=1.0)), {"members"}),
+            "what told it": (of_inputs(rectified=False), {"members"}),
+            "near": (of_kinds("near"), {"around"}),
             "far": (of_kinds("far"), set()),
         }
         | NOWHERE,
@@ -261,11 +270,11 @@ CHANGES: Mapping[str, tuple[Callable[[Inputs], tuple[str, ...]], Changes]] = {
     "exemplar": (
         exemplar_of,
         {
-            "seed": (of_run(seed=2), {"settings"}),
-            "storey": (of_run(storey=4.0), {"settings"}),
-            "resolution": (of_run(texels_per_metre=5.0), {"settings"}),
+            "seed": (of_run(seed=2), {"seed"}),
+            "storey": (of_run(storey=4.0), {"storey"}),
+            "resolution": (of_run(texels_per_metre=5.0), {"texels_per_metre"}),
             "walls": (of_run(walls="exemplar"), set()),
-            "privacy": (of_run(privacy="keep"), {"settings"}),
+            "privacy": (of_run(privacy="keep"), {"privacy"}),
             "picture": (of_file("exemplar.png"), {"picture"}),
         }
         | NOWHERE,
@@ -273,7 +282,7 @@ CHANGES: Mapping[str, tuple[Callable[[Inputs], tuple[str, ...]], Changes]] = {
     "texture": (
         texture_of,
         {
-            "resolution": (of_run(texels_per_metre=5.0), {"settings"}),
+            "resolution": (of_run(texels_per_metre=5.0), {"own", "above"}),
             "seed": (of_run(seed=2), set()),
             "picture": (of_file("own.png"), {"own"}),
             "far": (of_kinds("far"), set()),
@@ -287,47 +296,20 @@ CHANGES: Mapping[str, tuple[Callable[[Inputs], tuple[str, ...]], Changes]] = {
 @pytest.mark.parametrize("kind", CHANGES)
 @settings(max_examples=20)
 @given(data=st.data())
-def test_exactly_what_changed_is_told(tmp_path_factory: pytest.TempPathFactory, kind: str, data: st.DataObject) -> None:
-    keys_of, changes = CHANGES[kind]
+def test_exactly_what_changed_differs(tmp_path_factory: pytest.TempPathFactory, kind: str, data: st.DataObject) -> None:
+    inputs_of, changes = CHANGES[kind]
     chosen = data.draw(st.lists(st.sampled_from(sorted(changes)), unique=True, max_size=4))
     folder = tmp_path_factory.mktemp("pictures")
-    before = keys_of(Inputs(folder))
-    assert keys_of(Inputs(folder)) == before
+    before = digest_inputs(inputs_of(Inputs(folder)))
+    assert digest_inputs(inputs_of(Inputs(folder))) == before
     inputs = Inputs(folder)
     for name in chosen:
         changes[name][0](inputs)
-    now = keys_of(inputs)
+    now = digest_inputs(inputs_of(inputs))
     expected = {part for name in chosen for part in changes[name][1]}
-    assert len(now) == len(before)
-    for key, other in zip(before, now, strict=True):
-        there = split_key(key).keys() | split_key(other).keys()
-        assert set(diff_key_parts(key, other)) == expected & there
-
-
-def test_every_part_of_a_facade_is_changed_by_something(tmp_path: Path) -> None:
-    for kind, (keys_of, changes) in CHANGES.items():
-        parts = {part for key in keys_of(Inputs(tmp_path)) for part in split_key(key)}
-        assert parts - {"code"} <= {part for _, told in changes.values() for part in told}, kind
-
-
-@settings(max_examples=25)
-@given(
-    st.dictionaries(
-        st.from_regex("[a-z]{1,8}", fullmatch=True),
-        st.text(max_size=5) | st.lists(st.floats(allow_nan=False), max_size=3),
-    ),
-    st.text("0123456789abcdef", min_size=1),
-    st.data(),
-)
-def test_parts_of_a_key_are_told_apart(parts: dict[str, Any], code: str, data: st.DataObject) -> None:
-    parts.pop("code", None)
-    key = join_key_parts(code, **parts)
-    assert key == join_key_parts(code, **dict(parts.items()))
-    assert split_key(key).keys() == {"code", *parts}
-    others = data.draw(st.sets(st.sampled_from(sorted(parts)))) if parts else set()
-    changed = parts | {name: [parts[name]] for name in others}
-    assert diff_key_parts(key, join_key_parts(code, **changed)) == sorted(others)
-    assert diff_key_parts(key, join_key_parts(code + "0", **changed)) == sorted({"code", *others})
+    if "above" in expected and "from above" not in chosen:
+        expected.remove("above")
+    assert set(differing_inputs(join_key(before), join_key(now))) == expected
 
 
 def seeded(plan: Plan, digests: Mapping[str, str], passes: Mapping[int, str]) -> Any:
@@ -367,7 +349,7 @@ def test_a_viewpoint_stands_on_what_it_sees_and_on_those_before_it_where_they_bl
     chart = data.draw(st.sampled_from(plan.facades.chart.tolist()))
     now = street_keys(run, plan, seeded(plan, {f"{plan.ids[chart]:016x}": "another"}, {}), street)
     seen = [(viewpoint, chart) in pairs for viewpoint in own]
-    assert diff_key_parts(before.street, now.street) == ["seeds"] * (any(seen) and blends)
+    assert differing_inputs(before.street, now.street) == ["seeds"] * (any(seen) and blends)
     stored = [is_panorama_in_report(plan, viewpoint) for viewpoint in plan.street_viewpoints(street)]
     changes = [
         a and b for a, b in zip(seen, stored, strict=True)
@@ -380,12 +362,12 @@ def test_a_viewpoint_stands_on_what_it_sees_and_on_those_before_it_where_they_bl
         return tuple("another" if v == own[looked] else look for v, look in enumerate(digests))
 
     now = street_keys(run, replace(plan, view_digests=look_elsewhere(plan.view_digests)), group, street)
-    assert diff_key_parts(before.street, now.street) == ["views"] * blends
+    assert differing_inputs(before.street, now.street) == ["views"] * blends
     assert other_viewpoints(before, now) == [
         k >= looked if blends else k == looked and stored[k] for k in range(len(own))
     ]
     now = street_keys(run, replace(plan, painted_digests=look_elsewhere(plan.painted_digests)), group, street)
-    assert diff_key_parts(before.street, now.street) == ["views"] * (not blends)
+    assert differing_inputs(before.street, now.street) == ["views"] * (not blends)
     assert other_viewpoints(before, now) == [k == looked and not blends for k in range(len(own))]
 
     name, value = data.draw(
@@ -395,7 +377,7 @@ def test_a_viewpoint_stands_on_what_it_sees_and_on_those_before_it_where_they_bl
     )
     now = street_keys(changed(run, {name: value}), plan, group, street)
     of_streets = name in {"seed", *KEY_SETTINGS}
-    assert diff_key_parts(before.street, now.street) == (["settings"] if of_streets else [])
+    assert differing_inputs(before.street, now.street) == (["settings"] if of_streets else [])
     assert (now == before) == (not of_streets)
 
 
@@ -411,7 +393,7 @@ def test_a_street_stands_on_what_earlier_ones_pass_on() -> None:
             shown = plan.views[plan.views[:, 0] == viewpoint.id, 1]
             shares = np.isin(shown, mine) & plan.writable[shown]
             earlier = bool(plan.wave[viewpoint.street] < plan.wave[street] and shares.any())
-            assert diff_key_parts(before.street, now.street) == ["earlier"] * earlier
+            assert differing_inputs(before.street, now.street) == ["earlier"] * earlier
             told.add(earlier)
         assert told == ({False} if plan.wave[street] == plan.wave.min() else {False, True})
 
@@ -422,14 +404,15 @@ def test_pictures_of_materials_are_in_the_keys_of_surfaces_and_of_streets(tmp_pa
 
     def keys(*pictures: MaterialPicture) -> tuple[str, str]:
         run = replace(RUN, materials=pictures)
-        return surface_key(run, plan, charts, [], {}, {}), street_keys(run, plan, seeded(plan, {}, {}), 0).street
+        surface = join_key(digest_inputs(surface_inputs(run, plan, charts, [], {}, {})))
+        return surface, street_keys(run, plan, seeded(plan, {}, {}), 0).street
 
     path = tmp_path / "slabs.png"
     path.write_bytes(b"one")
     plain, once, wider = keys(), keys(MaterialPicture("slabs", path, 1.0)), keys(MaterialPicture("slabs", path, 2.0))
     for before, now in ((plain, once), (once, wider)):
-        for one, other in zip(before, now, strict=True):
-            assert diff_key_parts(one, other) == ["settings"]
+        told = [differing_inputs(one, other) for one, other in zip(before, now, strict=True)]
+        assert told == [["materials"], ["settings"]]
 
 
 def test_an_own_translator_is_in_the_keys_of_streets_that_use_it(tmp_path: Path) -> None:
@@ -439,17 +422,17 @@ def test_an_own_translator_is_in_the_keys_of_streets_that_use_it(tmp_path: Path)
         run = changed(RUN, {"translator": translator})
         own = replace(run, models=TrainedModelFiles(translator=path))
         before, now = (street_keys(each, plan, seeded(plan, {}, {}), 0).street for each in (run, own))
-        assert diff_key_parts(before, now) == told
+        assert differing_inputs(before, now) == told
 
 
 def test_a_sun_is_in_the_keys_of_surfaces_alone_and_reaches_as_far_as_shadows() -> None:
     def key(run: Run, *kinds: str) -> str:
         plan = planned(*kinds)
         charts = np.flatnonzero(plan.scene.charts.building == plan.scene.names.index("a")).tolist()
-        return surface_key(run, plan, charts, [], {}, {})
+        return join_key(digest_inputs(surface_inputs(run, plan, charts, [], {}, {})))
 
     sunny = changed(RUN, {"sun": SunSettings(200.0, 30.0)})
-    assert {"settings"} <= set(diff_key_parts(key(RUN), key(sunny))) <= {"settings", "around"}
+    assert {"sun"} <= set(differing_inputs(key(RUN), key(sunny))) <= {"sun", "around"}
     assert key(sunny) != key(changed(RUN, {"sun": SunSettings(200.0, 31.0)}))
     assert key(RUN) == key(RUN, "far")
     assert key(sunny) == key(sunny, "far")

@@ -3,43 +3,89 @@
 from __future__ import annotations
 
 import os
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from types import SimpleNamespace as Value
 from typing import Any
 
 import numpy as np
+import pytest
 import shapely
 
 from catalogs.block.reader import TextureSettings
 from catalogs.file_digest import file_digest
+from facade_core.core.labels import FacadeClass
 from facade_core.core.types import SHIPPED_MODELS, Building, Pose, Street
 from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan
 from facade_core.plan.plan import Plan
-from tasks.engine.stage import match_units_by_key_or_name
-from tasks.engine.unit import Unit
-from tasks.engine.unit_key import diff_key_parts, join_key_parts, split_key
+from tasks.engine.inputs import (
+    CODE,
+    CODE_CHANGED,
+    differing_inputs,
+    digest_inputs,
+    digest_values,
+    explain_difference,
+    input_field,
+    is_valid_key,
+    join_key,
+    note_reads,
+    split_key,
+)
+from tasks.engine.stage import match_units_by_name
 from tasks.stages.facades.imagery import FacadeImagery
-from tasks.stages.facades.keys import facade_keys
+from tasks.stages.facades.stage import facade_inputs
 from tasks.stages.streets.keys import KEY_SETTINGS
 from tasks.stages.streets.stage import STREETS
 
 
-def test_keys_differ_in_the_parts_that_changed() -> None:
-    one = join_key_parts("c", settings=[1, 2.0], photo="a", geometry={"b": 1})
-    assert join_key_parts("c", settings=[1, 2.0], photo="a", geometry={"b": 1}) == one
-    assert diff_key_parts(one, join_key_parts("c", settings=[1, 2.5], photo="b", geometry={"b": 1})) == [
-        "photo",
-        "settings",
-    ]
-    assert diff_key_parts(one, join_key_parts("c", settings=[1, 2.0], exemplar="a", geometry={"b": 1})) == [
-        "exemplar",
-        "photo",
-    ]
-    assert diff_key_parts(one, one) == []
-    other = join_key_parts("d", settings=[1, 2.0], photo="a", geometry={"b": 1})
-    assert diff_key_parts(one, other) == ["code"]
-    assert [split_key(key).get("code") for key in (one, other, "0f")] == ["c", "d", None]
+@dataclass(frozen=True)
+class Sample:
+    photo: Path | None = input_field("photo changed", new="new photo")
+    size: tuple[int, ...] = input_field("size changed")
+    place: int = 0
+
+
+def test_a_key_names_the_inputs_that_were_read(tmp_path: Path) -> None:
+    path = tmp_path / "a.png"
+    path.write_bytes(b"a")
+    inputs = Sample(path, (1, 2), 3)
+    digests = {CODE: "c"} | digest_inputs(inputs)
+    assert digests.keys() == {CODE, "photo", "size"}, "a place in the block is no input"
+    noted, read = note_reads(inputs)
+    assert noted.size == (1, 2)
+    key = join_key(digests, read)
+    assert split_key(key) == {CODE: "c", "size": digests["size"]}
+
+    def validity(other: Sample, code: str = "c") -> tuple[bool, str]:
+        now = {CODE: code} | digest_inputs(other)
+        return is_valid_key(key, now), explain_difference(join_key(digests), other, now)
+
+    assert validity(replace(inputs, place=4))[0]
+    assert validity(replace(inputs, photo=None)) == (True, "photo changed"), "it was not looked at"
+    assert validity(replace(inputs, size=(1, 3))) == (False, "size changed")
+    assert validity(inputs, "d") == (False, CODE_CHANGED)
+    without = replace(inputs, photo=None)
+    before = join_key({CODE: "c"} | digest_inputs(without))
+    assert explain_difference(before, inputs, digests) == "new photo"
+
+
+def test_what_has_no_digest_is_no_input() -> None:
+    with pytest.raises(TypeError, match="object has no digest"):
+        digest_inputs(Sample(None, (object(),)))  # type: ignore[arg-type]
+
+
+def test_inputs_of_different_content_have_different_digests(tmp_path: Path) -> None:
+    path = tmp_path / "a.png"
+    path.write_bytes(b"a")
+    other = tmp_path / "b" / "a.png"
+    other.parent.mkdir()
+    other.write_bytes(b"b")
+    values = [
+        None, True, 1, 2.5, "1", (), (1,), ((1,),), {"a": 1}, {"a": 2}, np.zeros(2), np.zeros(3), np.zeros(2, np.int32),
+        path, other, Pose(1.0, 2.0, None, 3.0), Pose(1.0, 2.0, 0.0, 3.0), FacadeClass.WALL,
+    ]  # fmt: skip
+    digests = [digest_values(value=value)["value"] for value in values]
+    assert len(set(digests)) == len(values)
 
 
 def test_every_setting_of_texture_is_of_streets_or_not() -> None:
@@ -69,14 +115,14 @@ def test_a_file_is_read_again_when_it_changed(tmp_path: Path) -> None:
     assert file_digest(path) == first
 
 
-def test_units_are_found_again_by_their_keys() -> None:
-    def again(records: Any, *units: tuple[str, str]) -> dict[int, int]:
-        return match_units_by_key_or_name(records, [Unit(i, name, (key,)) for i, (name, key) in enumerate(units)])
+def test_units_are_found_again_by_their_names() -> None:
+    def again(records: Any, *names: str) -> dict[int, int]:
+        return match_units_by_name(records, names)
 
-    records = [{"key": "a", "unit": "1"}, None, {"key": "c", "unit": "2"}]
-    assert again(records, ("x", "c"), ("y", "b"), ("z", "a")) == {0: 2, 2: 0}
-    records = [{"key": "a", "unit": "x"}, {"key": "b", "unit": "y"}, {"key": "c", "unit": "z"}]
-    assert again(records, ("z", "a"), ("y", "new"), ("x", "d"), ("w", "e")) == {0: 0, 1: 1}
+    records = [{"unit": "1"}, None, {"unit": "2"}]
+    assert again(records, "2", "3", "1") == {0: 2, 2: 0}
+    twice = [{"unit": "x"}, {"unit": "y"}, {"unit": "x"}]
+    assert again(twice, "x", "x", "y", "x") == {0: 0, 1: 2, 2: 1}
 
 
 def test_streets_are_found_again_by_line_and_then_by_id() -> None:
@@ -86,7 +132,7 @@ def test_streets_are_found_again_by_line_and_then_by_id() -> None:
 
     def again(before: Any, after: Any) -> dict[int, int]:
         change: Any = Value(before=before, after=after)
-        return STREETS.match_previous(change)
+        return STREETS.match(change)
 
     assert again(plan(g0=0, g1=1, g2=2), plan(g0=1, g1=2)) == {0: 1, 1: 2}  # named anew since one is gone
     assert again(plan(a=0, b=1), plan(a=0.5, b=1, c=2)) == {0: 0, 1: 1}  # a was moved
@@ -96,7 +142,11 @@ def test_a_facade_of_a_panorama_stands_on_what_is_between(tmp_path: Path) -> Non
     picture = tmp_path / "panorama.jpg"
     picture.write_bytes(b"")
     run: Any = Value(
-        seed=1, privacy="blur", models=SHIPPED_MODELS, texture=TextureSettings(texels_per_metre=4.0, walls="translate")
+        seed=1,
+        ingested=0.0,
+        privacy="blur",
+        models=SHIPPED_MODELS,
+        texture=TextureSettings(texels_per_metre=4.0, walls="translate"),
     )
 
     def key(buildings: list[Building], pose: Pose, factor: tuple[float, ...] | None = None, raised: float = 1.0) -> str:
@@ -105,7 +155,8 @@ def test_a_facade_of_a_panorama_stands_on_what_is_between(tmp_path: Path) -> Non
         facade = plan.facades.id.index("a-0")
         factors = {} if factor is None else {picture: factor}
         imagery = FacadeImagery(panoramas=((picture, pose),), exposure_factors=factors)
-        return facade_keys(run, plan, facade, imagery, {}, ())[0]
+        inputs = facade_inputs(run, plan, facade, imagery, ())
+        return join_key({name: digest for name, digest in digest_inputs(inputs).items() if name != "house_view"})
 
     def house(name: str, x: float, y: float) -> Building:
         return Building(name, shapely.box(x, y, x + 10, y + 4), 8.0, "height")
@@ -113,13 +164,13 @@ def test_a_facade_of_a_panorama_stands_on_what_is_between(tmp_path: Path) -> Non
     pose = Pose(5.0, -3.0, 2.5, 0.0, 0.0, 0.0)
     wall, kiosk, behind = house("a", 0, 5), house("k", 4, 0.5), house("z", 0, 30)
     alone = key([wall], pose)
-    assert diff_key_parts(alone, key([wall, behind], pose)) == []
-    assert diff_key_parts(alone, key([wall, kiosk], pose)) == ["between"]
-    assert diff_key_parts(alone, key([wall], replace(pose, heading=1.0))) == ["panoramas"]
-    assert diff_key_parts(alone, key([wall], pose, (1.125, 1.0, 1.0))) == ["panoramas"]
+    assert differing_inputs(alone, key([wall, behind], pose)) == []
+    assert differing_inputs(alone, key([wall, kiosk], pose)) == ["between"]
+    assert differing_inputs(alone, key([wall], replace(pose, heading=1.0))) == ["panoramas"]
+    assert differing_inputs(alone, key([wall], pose, (1.125, 1.0, 1.0))) == ["exposure_factors"]
     raised = key([wall], pose, raised=1.5)  # it is parsed at the density by the streets
-    assert diff_key_parts(alone, raised) == ["geometry"]
-    assert diff_key_parts(raised, key([wall], pose, raised=2.0)) == ["geometry"]
+    assert differing_inputs(alone, raised) == ["view"]
+    assert differing_inputs(raised, key([wall], pose, raised=2.0)) == ["view"]
 
 
 def _plan(buildings: list[Building]) -> Plan:

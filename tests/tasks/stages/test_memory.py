@@ -14,7 +14,7 @@ from PIL import Image
 from facade_core.export.models.pages import MAX_SHELF_PAGE_TEXELS
 from facade_core.export.pictures.views import VIEW_SIZE
 from tasks.stages.exemplars.stage import exemplar_memory
-from tasks.stages.facades.imagery import FacadeImagery
+from tasks.stages.facades.imagery import ChosenExemplar, FacadeImagery
 from tasks.stages.facades.stage import facade_memory
 from tasks.stages.pages.stage import page_memory
 from tasks.stages.pictures.stage import facade_pictures_memory, view_memory
@@ -73,13 +73,13 @@ def test_a_facade_from_a_photo_fits_what_it_declares(
     photo = tmp_path / "photo.png"
     Image.fromarray(np.zeros((*PHOTOS[number], 3), np.uint8)).save(photo)
     taken, texels = of_photos[number]
-    assert_fits(facade_memory(texels, FacadeImagery(photo)), taken)
+    assert_fits(facade_memory(texels, FacadeImagery(photo=photo)), taken)
 
 
 @pytest.mark.long
 def test_a_facade_from_an_exemplar_fits_what_it_declares() -> None:
     taken, texels = measured("retargeted", (240, 320), (600, 1000))
-    assert_fits(facade_memory(texels, FacadeImagery(exemplar=(0, "e"))), taken)
+    assert_fits(facade_memory(texels, FacadeImagery(exemplar=ChosenExemplar(0, "e"))), taken)
 
 
 @pytest.mark.long
@@ -137,6 +137,6 @@ def test_a_broken_picture_takes_none(tmp_path: Path) -> None:
 def test_every_texel_and_pixel_counts(tmp_path: Path) -> None:
     picture = tmp_path / "picture.png"
     Image.fromarray(np.zeros((30, 20, 3), np.uint8)).save(picture)
-    assert facade_memory(1000, FacadeImagery(picture)) - facade_memory(0, FacadeImagery(picture)) >= 100_000
-    assert facade_memory(10, FacadeImagery(picture)) - facade_memory(10, FacadeImagery()) == 600 * PICTURE_PIXEL
+    assert facade_memory(1000, FacadeImagery(photo=picture)) - facade_memory(0, FacadeImagery(photo=picture)) >= 100_000
+    assert facade_memory(10, FacadeImagery(photo=picture)) - facade_memory(10, FacadeImagery()) == 600 * PICTURE_PIXEL
     assert street_memory(200, 100) > street_memory(100, 100) < street_memory(100, 200)

@@ -11,13 +11,14 @@ import pytest
 
 from catalogs.block.reader import read_block
 from facade_core.atlas.store import create_root, open_repository, open_root
+from facade_core.atlas.stored_files import exemplar_folder
 from facade_core.core.errors import ImageError
 from tasks.engine.run import Run
 from tasks.engine.run_key import create_run
 from tasks.engine.unit import Unit
 from tasks.stages.exemplars import worker
 from tasks.stages.exemplars.shared import read_shared_exemplar
-from tasks.stages.exemplars.stage import list_exemplar_units
+from tasks.stages.exemplars.stage import EXEMPLARS
 from tests.pipeline.stages import write_block
 
 
@@ -35,7 +36,7 @@ def prepared_counts(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return calls
 
 
-def process_first(block_file: Path, out: Path) -> tuple[Run, Unit, dict[str, Any], dict[str, np.ndarray]]:
+def process_first(block_file: Path, out: Path) -> tuple[Run, Unit[Any], dict[str, Any], dict[str, np.ndarray]]:
     """Prepare the first exemplar of a block into a folder: its run, unit, record and arrays."""
     block = read_block(block_file)
     run = create_run(block, out)
@@ -43,9 +44,9 @@ def process_first(block_file: Path, out: Path) -> tuple[Run, Unit, dict[str, Any
     create_root(session)
     session.commit("root")
     session = open_repository(out / "store").writable_session("main")
-    unit = list_exemplar_units(run, block, None, None)[0]  # type: ignore[arg-type]
+    unit = EXEMPLARS.list_units(run, block, None, None)[0]  # type: ignore[arg-type]
     fork, records = worker.process_exemplar(run, session.fork(), (unit,))
-    group = open_root(fork)["exemplars/0"]
+    group = open_root(fork)[exemplar_folder(unit.name)]
     return run, unit, dict(records[0]), {name: group[name][:] for name in ("image", "labels", "preview")}
 
 

@@ -8,6 +8,7 @@ from typing import Any, cast
 import numpy as np
 
 from facade_core.plan.exemplar_choice import ExemplarTargetWalls
+from tasks.stages.facades.imagery import ChosenExemplar
 from tasks.stages.facades.stage import choose_facade_exemplars
 
 
@@ -19,6 +20,7 @@ def test_a_picture_in_which_no_facade_was_found_is_used_last() -> None:
     plan = cast(Any, SimpleNamespace(facades=_Facades()))
     fits = {
         "status": "done",
+        "key": "k",
         "width_m": 12.0,
         "height_m": 10.0,
         "floors": 3,
@@ -29,9 +31,9 @@ def test_a_picture_in_which_no_facade_was_found_is_used_last() -> None:
     }
     smaller = fits | {"width_m": 10.0}
     records = [fits | {"unit": "a", "look": [0.0] * 9}, smaller | {"unit": "b", "look": [0.0] * 9}]
-    assert choose_facade_exemplars(plan, cast(Any, records), walls, seed=1) == {0: (0, "a")}
+    assert choose_facade_exemplars(plan, cast(Any, records), walls, seed=1) == {0: ChosenExemplar(0, "a", "k")}
     records[0]["cut_found"] = False
-    assert choose_facade_exemplars(plan, cast(Any, records), walls, seed=1) == {0: (1, "b")}
+    assert choose_facade_exemplars(plan, cast(Any, records), walls, seed=1) == {0: ChosenExemplar(1, "b", "k")}
 
 
 class _Facades:

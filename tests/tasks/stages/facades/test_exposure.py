@@ -31,7 +31,7 @@ def test_a_facade_has_the_common_exposure_where_its_panorama_shares_ground(
     monkeypatch.setattr(evidence, "wall_surroundings_mask", lambda *_, **__: None)
     plan: Any = SimpleNamespace(scene=SimpleNamespace(charts=SimpleNamespace(size=np.array([(10.0, 8.0)]))))
     imagery = FacadeImagery(panoramas=((Path("one.jpg"), POSE),), exposure_factors=factors)
-    found = read_evidence("panoramas", plan, 0, SIZE, imagery, (), [])
+    found = read_evidence("panoramas", plan, 0, SIZE, imagery, {}, [])
     assert found is not None
     np.testing.assert_array_equal(found.image, np.broadcast_to(np.array(light, np.uint8), found.image.shape))
 

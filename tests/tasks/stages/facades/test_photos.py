@@ -108,7 +108,7 @@ def test_what_is_private_on_a_photo_comes_to_its_texels(tmp_path: Path, monkeypa
     assert np.allclose(photo.seen.faces, np.array([40, 60, 60, 84]) * factor)
     assert describe_crop(photo)["cut_found"]
     assert describe_crop(photo)["stretched"] == pytest.approx(1, abs=0.2)
-    evidence = read_evidence("photo", None, 0, size, FacadeImagery(photo=path), (), [])
+    evidence = read_evidence("photo", None, 0, size, FacadeImagery(photo=path), {}, [])
     assert describe_crop(evidence) == describe_crop(photo)
     assert evidence.masked == evidence.seen.private_boxes(size) != ()
 

@@ -119,7 +119,10 @@ def test_cameras_of_charts_are_numbered_as_the_record_names_them() -> None:
         size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
         camera = np.resize(np.array(own, np.int8), size)
         found[chart] = FusedCameraView(np.zeros((*size, 3), np.uint8), camera >= 0, camera, np.ones(size, np.float32))
-    digests, told = module.write_fused_views(group, plan, found, used)
+    atlas: Any = Value(group=group, plan=plan)
+    fields: Any = module.write_panorama_surfaces(atlas, None, module.PanoramaSurfaces(found, used, [], {}))
+    digests, told = fields["digests"], fields["cameras"]
+    assert fields["is_complete"] is True
     assert sorted(digests) == [f"{0:016x}", f"{1:016x}"]
     assert [name for name, *_ in told] == ["0.jpg", "1.jpg", "2.jpg"]
     assert sum(share for _, share, _ in told) == pytest.approx(1, abs=1e-3)

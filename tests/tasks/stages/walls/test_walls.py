@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace as Value
@@ -19,10 +19,13 @@ from facade_core.geometry.charts import ChartKind
 from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan
 from facade_core.plan.plan import Plan
 from facade_core.plan.posed_pictures import replace_panoramas
+from tasks.engine.inputs import differing_inputs
+from tasks.engine.store.carry_over import match_units
 from tasks.engine.unit import Unit
-from tasks.engine.unit_key import diff_key_parts
+from tasks.stages.order import STAGE_NAMES
 from tasks.stages.shared.panorama_index import MAX_PANORAMAS_PER_SURFACE, MAX_PIECE_M
-from tasks.stages.walls.stage import WALLS, list_wall_units, wall_building_names
+from tasks.stages.walls.stage import WALLS, list_wall_units
+from tasks.stages.walls.worker import WallInputs
 
 # Before the gap between the first two houses, and 200 m on before the third.
 POSES = (Pose(12.0, -6.0, 2.5, 0.0), Pose(206.0, -6.0, 2.5, 0.0))
@@ -54,7 +57,7 @@ def planned(*poses: Pose) -> Plan:
 
 def test_charts_are_walls_and_roofs_that_are_no_facades_before_a_camera() -> None:
     plan = planned(*POSES)
-    assert wall_building_names(plan) == ["a", "b", "c", "shed"]
+    assert [one.name for one in WALLS.outline(NO_BLOCK, plan)] == ["a", "b", "c", "shed"]
     charts = plan.scene.charts
     for building, own in plan.walls_near_cameras().items():
         assert set(charts.kind[own]) <= {ChartKind.WALL, ChartKind.ROOF}
@@ -65,7 +68,7 @@ def test_charts_are_walls_and_roofs_that_are_no_facades_before_a_camera() -> Non
     assert ChartKind.WALL in charts.kind[shed]
     assert charts.normals()[shed][:, 1].min() < -0.9  # its front; not its back, which the camera is behind
     assert charts.normals()[shed][:, 1].max() < 0.9
-    assert wall_building_names(planned(POSES[1])) == ["c"]
+    assert [one.name for one in WALLS.outline(NO_BLOCK, planned(POSES[1]))] == ["c"]
     assert planned().walls_near_cameras() == {}
     assert list_wall_units(Value(), Value(panoramas=()), planned(), zarr.create_group({})) == []  # type: ignore[arg-type]
 
@@ -80,7 +83,7 @@ class Posed:
     def path(self, number: int) -> Path:
         return self.folder / f"{number:02}.jpg"
 
-    def units(self, *, failed: int | None = None) -> dict[str, Unit]:
+    def units(self, *, failed: int | None = None) -> dict[str, Unit[WallInputs]]:
         """What is due of walls and roofs, by building."""
         run: Any = Value(texture=TextureSettings(texels_per_metre=4.0))
         poses = self.plan.poses
@@ -91,7 +94,15 @@ class Posed:
             place = [pose.x, pose.y, pose.z, pose.heading, 0.0, 0.0]
             write_record(group, "poses", number, known | {"pose": place})  # type: ignore[arg-type]
         block: Any = Value(panoramas=[Value(path=self.path(number)) for number in range(len(poses))])
-        return {unit.name: unit for unit in list_wall_units(run, block, self.plan, group)}
+        return {unit.name: unit for unit in WALLS.list_units(run, block, self.plan, group)}
+
+
+NO_BLOCK: Any = None
+RUN: Any = Value(texture=TextureSettings(texels_per_metre=4.0, panorama_width=128))
+
+
+def _last(plan: Plan) -> Any:
+    return {"panoramas/rgb": Value(shape=(len(plan.viewpoints), 64, 128, 3))}
 
 
 def written(plan: Plan, folder: Path) -> Posed:
@@ -101,14 +112,14 @@ def written(plan: Plan, folder: Path) -> Posed:
     return posed
 
 
-def due(units: dict[str, Unit], first: dict[str, Unit]) -> dict[str, list[str]]:
-    return {name: diff_key_parts(unit.key, first[name].key) for name, unit in units.items()}
+def due(units: dict[str, Unit[WallInputs]], first: dict[str, Unit[WallInputs]]) -> dict[str, list[str]]:
+    return {name: differing_inputs(unit.key, first[name].key) for name, unit in units.items()}
 
 
 def test_a_changed_picture_makes_due_what_it_is_near_and_a_failed_pose_takes_part_in_none(tmp_path: Path) -> None:
     posed = written(planned(*POSES), tmp_path)
     first = posed.units()
-    assert {name: {one.path.name for of in unit.arguments[1] for one in of} for name, unit in first.items()} == {
+    assert {name: {one.path.name for of in unit.inputs.panoramas for one in of} for name, unit in first.items()} == {
         "a": {"00.jpg"},
         "b": {"00.jpg"},
         "c": {"01.jpg"},
@@ -116,7 +127,7 @@ def test_a_changed_picture_makes_due_what_it_is_near_and_a_failed_pose_takes_par
     }
     posed.path(1).write_bytes(b"another")
     assert due(posed.units(), first) == {"a": [], "b": [], "c": ["panoramas"], "shed": []}
-    assert not any(posed.units(failed=1)["c"].arguments[1])
+    assert not any(posed.units(failed=1)["c"].inputs.panoramas)
 
 
 @cache
@@ -143,7 +154,7 @@ def test_the_ends_of_a_long_building_are_taken_from_who_stands_before_them(tmp_p
     plan = long_planned()
     posed, charts, last = written(plan, tmp_path), plan.scene.charts, len(plan.poses) - 1
     first = posed.units()
-    own, taken = first["hall"].arguments
+    own, taken = first["hall"].charts, first["hall"].inputs.panoramas
     of_chart = {chart: {int(one.path.stem) for one in of} for chart, of in zip(own, taken, strict=True)}
     assert max(map(len, of_chart.values())) <= MAX_PANORAMAS_PER_SURFACE
     (gable,) = (chart for chart in own if charts.normals()[chart, 0] > 0.9)
@@ -165,12 +176,22 @@ def test_the_ends_of_a_long_building_are_taken_from_who_stands_before_them(tmp_p
 
 def test_units_stay_where_their_charts_do_and_what_no_camera_shows_any_more_is_cleared() -> None:
     before, after = planned(*POSES), planned(POSES[1])
-    same = {chart: chart for chart in range(len(before.ids))}
-    change: Any = Value(before=before, after=after, stays=dict(same))
-    assert WALLS.match_previous(change) == {0: 2}
+    nothing: dict[str, Any] = {stage: [] for stage in STAGE_NAMES}
+    block: Any = Value(panoramas=(), exemplars=())
+
+    def matched(one: Plan, other: Plan) -> tuple[dict[int, int], dict[int, int]]:
+        change: Any = Value(before=one, after=other, block=block, last=_last(one), run=RUN)
+        matches, stays = match_units(change, nothing)
+        return matches["walls"], stays
+
+    again, stays = matched(before, after)
+    assert again == {0: 2}
     gone = {chart for building, own in before.walls_near_cameras().items() if building != 2 for chart in own}
-    assert same.keys() - change.stays.keys() == gone
-    moved: Any = Value(before=before, after=before, stays={c: o for c, o in same.items() if c != min(gone)})
+    assert not gone & stays.keys()
+    placement = before.scene.placement
+    moved = replace(placement, x=np.where(np.arange(len(placement.x)) == min(gone), placement.x + 64, placement.x))
+    other = replace(before, scene=replace(before.scene, placement=moved))
     owner = int(before.scene.charts.building[min(gone)])
-    assert WALLS.match_previous(moved) == {unit: unit for unit in range(4) if unit != owner}
-    assert np.isin(before.walls_near_cameras()[owner], list(moved.stays)).sum() == 0
+    again, stays = matched(before, other)
+    assert again == {unit: unit for unit in range(4) if unit != owner}
+    assert np.isin(before.walls_near_cameras()[owner], list(stays)).sum() == 0
