@@ -41,6 +41,30 @@ class FacingCharts(NamedTuple):
     offset: Int64Array
 
 
+@njit(cache=True, nogil=True, inline="always")
+def _collect_near_charts(
+    seen: Int32Array, surface: Int32Array, place: Int64Array, r: int, c: int, near: Int64Array
+) -> int:
+    """Collect the charts of a pixel's surface on it and its neighbours into `near` (9,), by place; returns their number."""
+    rows, columns = seen.shape
+    count = 0
+    for dr in range(-1, 2):
+        row = min(max(r + dr, 0), rows - 1)
+        for dc in range(-1, 2):
+            column = (c + dc) % columns
+            if seen[row, column] < 0 or surface[row, column] != surface[r, c]:
+                continue
+            k = place[seen[row, column]]
+            fresh = k >= 0
+            for i in range(count):
+                if near[i] == k:
+                    fresh = False
+            if fresh:
+                near[count] = k
+                count += 1
+    return count
+
+
 @njit(cache=True, nogil=True)
 def mark_visible_texel_tiles(
     seen: Int32Array, surface: Int32Array, place: Int64Array, camera: Float64Array, charts: FacingCharts
@@ -85,26 +109,7 @@ def mark_visible_texel_tiles(
         for c in range(columns):
             if seen[r, c] < 0:
                 continue
-            count = 0
-            for dr in range(-1, 2):
-                row = min(max(r + dr, 0), rows - 1)
-                for dc in range(-1, 2):
-                    column = c + dc
-                    if column < 0:
-                        column += columns
-                    elif column >= columns:
-                        column -= columns
-                    if seen[row, column] < 0 or surface[row, column] != surface[r, c]:
-                        continue
-                    k = place[seen[row, column]]
-                    fresh = k >= 0
-                    for i in range(count):
-                        if near[i] == k:
-                            fresh = False
-                    if fresh:
-                        near[count] = k
-                        count += 1
-            for i in range(count):
+            for i in range(_collect_near_charts(seen, surface, place, r, c, near)):
                 k = near[i]
                 if facing[k] <= 0:
                     continue

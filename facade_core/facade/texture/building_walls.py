@@ -5,6 +5,7 @@ Floors meet at corners, windows are whole, backs are plain.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from itertools import pairwise
 
@@ -72,7 +73,6 @@ def compose_wall(
     rng = np.random.default_rng(seed)
     plain = plainest_floor(style)
     stack, scale = stack_floors(style, wall, metres_per_pixel, floor_style)
-    floors = [wall_floor.exemplar_floor for wall_floor in stack]
 
     bay = scale * float(np.diff(style.structure.bay_cuts).mean()) * (BAYS.back_bay_factor if wall.is_back else 1.0)
     window = scale * float(np.mean([right - left for left, right in style.structure.bays]))
@@ -80,35 +80,14 @@ def compose_wall(
     ends = [0.0, wall.width] if blank else _wall_sections(wall, bay)
     counts = [max(1, round((right - left) / bay)) for left, right in pairwise(ends)]
     count = 1 if blank else sum(counts)
-    if wall.on_street and not blank:
-        variants = [
-            initial_tiling(style, floors, count, False, rng, RETARGETING.price_noise * k**0.5) for k in range(4)
-        ]
-        population = np.stack([variants[k % len(variants)] for k in range(POPULATION_SIZE)])
-        tiles, _ = refine_tiling(style, floors, population, False, rng)
-    else:
-        tiles = initial_tiling(style, floors, count, blank, rng, 0.0)
     wide = len(style.grid.columns) - 1
-    source = np.stack(np.divmod(tiles, wide))  # rows and columns of the exemplar's lattice
-    if blank:
-        source[1] = wide + 1
-    elif not wall.on_street:
-        row = 0
-        for wall_floor in stack:  # interiors differ from floor to floor
-            bays = rng.choice(_plain_bays(style, plain), count)
-            source[1, row : row + len(wall_floor.heights)] = (3 * bays[:, None] + np.arange(3)).ravel()
-            row += len(wall_floor.heights)
+    source = _choose_tiles(style, wall, stack, count, plain, rng, blank=blank)
     if blank:
         across = np.array([0.0, wall.width])
     else:
         widths = scale * np.diff(style.grid.columns)[source[1]].mean(axis=0)
-        split = np.split(widths, 3 * np.cumsum(counts)[:-1])
-        fitted = [
-            fit_sizes_to_total(own, np.tile([True, False, True], len(own) // 3), right - left)
-            for own, (left, right) in zip(split, pairwise(ends), strict=True)
-        ]
         apart = max(BAYS.seam_margin_m, BAYS.seam_margin_texels * (texel_m or pixel))
-        across = _move_off_seams(np.append(0.0, np.cumsum(np.concatenate(fitted))), wall.seams, apart)
+        across = _move_off_seams(_fit_bays(widths, counts, ends), wall.seams, apart)
     source = _insert_bare_rows(stack, source, np.array([3 * plain + 1, wide + 1]))
     down = np.append(0.0, np.cumsum([height for wall_floor in stack for height in wall_floor.all_heights]))
     _blank_cells(style, wall, stack, source, down, across, plain, blank)
@@ -121,13 +100,7 @@ def compose_wall(
     size_m = wall.width, wall.height
     middle = choose_door_position(wall.free, size_m, across, wall.seams, wall.entrances, rng) if back else None
     if middle is not None and not blank:
-        door_columns = np.flatnonzero(
-            (across[:-1] < middle + ENTRANCES.door_size_m[0]) & (across[1:] > middle - ENTRANCES.door_size_m[0])
-        )
-        own = 3 * plain + np.arange(3) if len(stack[-1].heights) == 3 else np.array([3 * plain + 1])
-        for left in np.unique(door_columns // 3 * 3).tolist():
-            source[0, ground, left : left + 3] = own[:, None]
-            source[1, ground, left : left + 3] = wide + 1
+        _blank_bays_at_door(source[:, ground], across, middle, len(stack[-1].heights), plain, wide + 1)
     rows, columns = (np.rint(borders / pixel).astype(np.int64) for borders in (down, across))
     rows[-1], columns[-1] = size
     # An extra column behind the lattice shows bare wall.
@@ -142,6 +115,67 @@ def compose_wall(
     if middle is not None:
         paint_door(image, labels, middle, pixel, rng)
     return image, labels
+
+
+def _choose_tiles(
+    style: ExemplarAnalysis,
+    wall: FacadeWall,
+    stack: list[WallFloor],
+    count: int,
+    plain: int,
+    rng: np.random.Generator,
+    *,
+    blank: bool,
+) -> Int32Array:
+    """Choose the tiles of a wall of `count` bays: rows and columns of the exemplar's lattice, (2, M, N)."""
+    floors, wide = [wall_floor.exemplar_floor for wall_floor in stack], len(style.grid.columns) - 1
+    if wall.on_street and not blank:
+        variants = [
+            initial_tiling(style, floors, count, False, rng, RETARGETING.price_noise * k**0.5) for k in range(4)
+        ]
+        population = np.stack([variants[k % len(variants)] for k in range(POPULATION_SIZE)])
+        tiles, _ = refine_tiling(style, floors, population, False, rng)
+    else:
+        tiles = initial_tiling(style, floors, count, blank, rng, 0.0)
+    source = np.stack(np.divmod(tiles, wide))
+    if blank:
+        source[1] = wide + 1
+    elif not wall.on_street:
+        row = 0
+        for wall_floor in stack:  # interiors differ from floor to floor
+            bays = rng.choice(_plain_bays(style, plain), count)
+            source[1, row : row + len(wall_floor.heights)] = (3 * bays[:, None] + np.arange(3)).ravel()
+            row += len(wall_floor.heights)
+    return source
+
+
+def _fit_bays(widths: Float64Array, counts: Sequence[int], ends: Sequence[float]) -> Float64Array:
+    """Return the borders (3 n + 1,) of bays and of the windows in them, which fill each section of a wall, metres.
+
+    Parameters
+    ----------
+    widths : (3 n,) natural widths.
+    counts : bays of each section.
+    ends : ends of the sections.
+    """
+    split = np.split(widths, 3 * np.cumsum(counts)[:-1])
+    fitted = [
+        fit_sizes_to_total(own, np.tile([True, False, True], len(own) // 3), right - left)
+        for own, (left, right) in zip(split, pairwise(ends), strict=True)
+    ]
+    return np.append(0.0, np.cumsum(np.concatenate(fitted)))
+
+
+def _blank_bays_at_door(
+    source: Int32Array, across: Float64Array, middle: float, bands: int, plain: int, bare: int
+) -> None:
+    """Replace the bays of the lowest floor at a back door by bare wall; `source` as in `_blank_cells`, of its rows."""
+    half = ENTRANCES.door_size_m[0]
+    door_columns = np.flatnonzero((across[:-1] < middle + half) & (across[1:] > middle - half))
+    own = 3 * plain + np.arange(3) if bands == 3 else np.array([3 * plain + 1])
+    for left in np.unique(door_columns // 3 * 3).tolist():
+        source[0, :, left : left + 3] = own[:, None]
+        source[1, :, left : left + 3] = bare
 
 
 def _floor_rows(stack: list[WallFloor]) -> list[slice]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -114,54 +115,114 @@ def stack_floors(
     """
     pixels, count = round(wall.eaves / metres_per_pixel), limit_floor_count(wall.floors, wall.eaves)
     own, heights, scale = _exemplar_floors(style, pixels, count)
-    scale, plain = scale * metres_per_pixel, plainest_floor(style)
-    kinds, grid = style.structure.kinds, np.asarray(style.grid.rows)
+    scale *= metres_per_pixel
     if floor_style is not None:
         _, theirs, _ = _exemplar_floors(floor_style, pixels, count)
         heights = theirs if len(theirs) == len(own) else heights
     heights = _limit_heights(heights * (wall.eaves / heights.sum()))
     lines = np.concatenate([[0.0], np.cumsum(heights[::-1])])
-    pitch, top = float(np.clip(wall.eaves / len(own), *FACADE_WALLS.floor_height_m)), wall.foot + wall.height
+    at_eaves = abs(wall.foot + wall.height - wall.eaves) < FLOORS.eaves_tolerance_m
+    shown = _ShownFloors(style, own, lines, plainest_floor(style), at_eaves)
+    has_ground_floor = (wall.on_street or wall.is_corner) and not wall.is_raised and shown.kind(own[-1]) == "ground"
+    borders = _split_high_floors(_floor_borders(wall, shown, scale), has_ground_floor)
+    stack = []
+    for number, (low, high) in enumerate(zip(borders[:-1], borders[1:], strict=True)):
+        is_highest = number == len(borders) - 2
+        if number == 0 and has_ground_floor:
+            stack.append(_build_floor(style, own[-1], (low, high), scale, is_above=True))
+            continue
+        floor, is_crowned = _choose_upper_floor(wall, shown, (low, high), scale, is_highest=is_highest)
+        is_cut = is_highest and not (at_eaves or is_crowned)
+        made = _build_floor(style, floor, (low, high), scale, is_above=is_highest and not is_crowned, is_cut=is_cut)
+        stack.append(replace(made, is_crowned=is_crowned))
+    if len(stack) == 1 and has_ground_floor:
+        stack[0] = replace(stack[0], is_crowned=at_eaves and not wall.is_back)
+    return stack[::-1], scale
+
+
+class _ShownFloors(NamedTuple):
+    """Floors of an exemplar that a building shows.
+
+    Attributes
+    ----------
+    style : analysed exemplar.
+    own : its floors from the top, as the building has them.
+    lines : (n,) borders of these from the foot up, metres.
+    plain : its plainest floor.
+    at_eaves : whether the wall ends at the eaves.
+    """
+
+    style: ExemplarAnalysis
+    own: list[int]
+    lines: Float64Array
+    plain: int
+    at_eaves: bool
+
+    def kind(self, floor: int) -> str:
+        """Return the kind of a floor; one without windows is a ground floor."""
+        return "ground" if floor < 0 else self.style.structure.kinds[floor]
+
+    def between(self, low: float, high: float) -> int:
+        """Return the floor between two heights, if they are not of the ground floor."""
+        place = int(np.searchsorted(self.lines, (low + high) / 2)) - 1
+        floor = self.own[len(self.own) - 1 - place] if 0 <= place < len(self.own) else self.plain
+        kind = self.kind(floor)
+        return self.plain if kind == "ground" or (kind == "roof" and not self.at_eaves) else floor
+
+
+def _floor_borders(wall: FacadeWall, shown: _ShownFloors, scale: float) -> Float64Array:
+    """Return the borders (n,) of the floors of a wall from its foot to its top, metres."""
+    lines, top = shown.lines, wall.foot + wall.height
+    pitch = float(np.clip(wall.eaves / len(shown.own), *FACADE_WALLS.floor_height_m))
     beyond = np.arange(1, 2 + int((abs(wall.foot) + top) / pitch)) * pitch
     every = np.concatenate([-beyond[::-1], lines, wall.eaves + beyond])
     inner = every[(every > wall.foot + FLOORS.min_floor_m) & (every < top - FLOORS.min_cut_floor_m)]
-    at_eaves = abs(top - wall.eaves) < FLOORS.eaves_tolerance_m
-    has_ground_floor = (
-        (wall.on_street or wall.is_corner) and not wall.is_raised and (own[-1] < 0 or kinds[own[-1]] == "ground")
-    )
-
-    def choose_floor(low: float, high: float) -> int:
-        """Return the exemplar's floor between two heights, if they are not of the ground floor."""
-        place = int(np.searchsorted(lines, (low + high) / 2)) - 1
-        floor = own[len(own) - 1 - place] if 0 <= place < len(own) else plain
-        kind = "ground" if floor < 0 else kinds[floor]
-        return plain if kind == "ground" or (kind == "roof" and not at_eaves) else floor
-
     if len(inner) and top - inner[-1] < FLOORS.min_floor_m:
-        shown = choose_floor(inner[-1], top) if wall.on_street else plain
-        cut = _cut_bands(style, shown, top - inner[-1], scale)
-        inner = inner[: None if cut and not at_eaves else -1]
-    borders = _split_high_floors(np.concatenate([[wall.foot], inner, [top]]), has_ground_floor)
-    stack = []
-    for number, (low, high) in enumerate(zip(borders[:-1], borders[1:], strict=True)):
-        lowest, highest = number == 0, number == len(borders) - 2
-        is_ground = lowest and has_ground_floor
-        floor = own[-1] if is_ground else choose_floor(low, high)
-        kind = "ground" if floor < 0 else kinds[floor]
-        crowned = highest and at_eaves and not wall.is_back
-        if highest and not at_eaves and not is_ground and _ends_in_cornice(style, wall, high - low, scale):
-            floor, crowned = 0, True
-        if not wall.on_street and not crowned and kind == "middle":
-            floor = plain
-        natural = scale * float(grid[lattice_rows(style, floor).stop] - grid[lattice_rows(style, floor).start])
-        bare = high - low - natural if high - low > FLOORS.max_floor_stretch * natural else 0.0
-        # The bare wall is above doors and shops, and below a crown.
-        above = bare if is_ground or (highest and not crowned) else 0.0
-        bands = _band_heights(style, floor, high - low - bare, scale)
-        if highest and not (at_eaves or crowned or is_ground) and high - low < natural:
-            bands = _cut_bands(style, floor, high - low, scale) or bands
-        stack.append(WallFloor(floor, bands, above, bare - above, crowned))
-    return stack[::-1], scale
+        highest = shown.between(inner[-1], top) if wall.on_street else shown.plain
+        cut = _cut_bands(shown.style, highest, top - inner[-1], scale)
+        inner = inner[: None if cut and not shown.at_eaves else -1]
+    return np.concatenate([[wall.foot], inner, [top]])
+
+
+def _choose_upper_floor(
+    wall: FacadeWall, shown: _ShownFloors, span: tuple[float, float], scale: float, *, is_highest: bool
+) -> tuple[int, bool]:
+    """Choose the exemplar's floor for a floor above the ground floor; returns also whether it shows the exemplar's top."""
+    low, high = span
+    floor = shown.between(low, high)
+    kind = shown.kind(floor)
+    is_crowned = is_highest and shown.at_eaves and not wall.is_back
+    if is_highest and not shown.at_eaves and _ends_in_cornice(shown.style, wall, high - low, scale):
+        floor, is_crowned = 0, True
+    if not wall.on_street and not is_crowned and kind == "middle":
+        floor = shown.plain
+    return floor, is_crowned
+
+
+def _build_floor(
+    style: ExemplarAnalysis,
+    floor: int,
+    span: tuple[float, float],
+    scale: float,
+    *,
+    is_above: bool,
+    is_cut: bool = False,
+) -> WallFloor:
+    """Build a floor between two heights.
+
+    Parameters
+    ----------
+    is_above : whether bare wall is above its bands, as above doors and shops, or below, as below a crown.
+    is_cut : whether a floor that is too low is cut.
+    """
+    height, grid, rows = span[1] - span[0], np.asarray(style.grid.rows), lattice_rows(style, floor)
+    natural = scale * float(grid[rows.stop] - grid[rows.start])
+    bare = height - natural if height > FLOORS.max_floor_stretch * natural else 0.0
+    above = bare if is_above else 0.0
+    bands = _band_heights(style, floor, height - bare, scale)
+    if is_cut and height < natural:
+        bands = _cut_bands(style, floor, height, scale) or bands
+    return WallFloor(floor, bands, above, bare - above, is_crowned=False)
 
 
 def _ends_in_cornice(style: ExemplarAnalysis, wall: FacadeWall, height: float, scale: float) -> bool:

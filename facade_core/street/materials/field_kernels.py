@@ -198,6 +198,70 @@ def _lower_bound(numbers: Int64Array, number: int) -> int:
 
 
 @njit(cache=True, inline="always", error_model="numpy")
+def _surface_tone(
+    c: int,
+    material: int,
+    points: Float64Array,
+    side: Float64Array,
+    charts: ChartMaterials,
+    seed: int,
+    work: Float64Array,
+) -> tuple[Float64Array, Float64Array, float]:
+    """Compute the tone of a chart's material at points (3, n), without grain.
+
+    Parameters
+    ----------
+    work : (7, n) as of `_colour_batch`; the tone is written to its third row, the share of a second colour to its fifth.
+
+    Returns
+    -------
+    x, y : (n,) positions of the grain.
+    share : share of the second colour on the chart, 0 for none.
+    """
+    x, y, tone, other, east, north = work[0], work[1], work[2], work[4], work[5], work[6]
+    axis_v, size, start = charts.axis_v[c], charts.size[c], charts.plane_offset[c]
+    n, share = len(side), 0.0
+    if material in (SurfaceMaterial.SHEET_METAL, SurfaceMaterial.FELT, SurfaceMaterial.ROOF_GRAVEL):
+        if abs(axis_v[2]) < FIELD_KERNELS.min_roof_fall:
+            x, y = east, north
+        if material == SurfaceMaterial.SHEET_METAL:
+            sheet_metal_tone(x, y, side, seed, tone)
+        elif material == SurfaceMaterial.ROOF_GRAVEL:
+            roof_gravel_tone(x, y, side, seed, tone)
+        else:
+            felt_tone(x, y, side, seed, tone)
+    elif material in (SurfaceMaterial.ROOF_TILE, SurfaceMaterial.SLATE):
+        if material == SurfaceMaterial.ROOF_TILE:
+            roof_tile_tone(x, y, side, seed, tone)
+        else:
+            slate_tone(x, y, side, seed, tone)
+        if charts.moss_share[c] > 0:
+            share = charts.moss_share[c]
+            moss_share(x, y, side, share, seed, other)
+    elif material in (SurfaceMaterial.PLASTER, SurfaceMaterial.BRICK):
+        for k in range(n):
+            north[k] = points[2, k] - charts.wall_foot_z[c]
+        if material == SurfaceMaterial.PLASTER:
+            plaster_tone(x, y, north, side, seed, tone)
+        else:
+            share = 1.0
+            brick_tone(x, y, north, side, seed, other, tone)
+        for k in range(n):
+            east[k] = y[k] - start[1]
+        add_rain_weathering(x, y, north, east, side, seed, tone)
+    elif material == SurfaceMaterial.BOARDS:
+        door_boards_tone(x, y, side, seed, tone)
+        x, y = y, x  # the example has horizontal boards
+    elif material == SurfaceMaterial.METAL_FIXTURE:
+        for k in range(n):
+            east[k], north[k] = x[k] - start[0], y[k] - start[1]
+        metal_fixture_colour(x, y, east, north, size[0], size[1], side, seed, tone)
+    else:
+        soffit_tone(x, y, side, seed, tone)
+    return x, y, share
+
+
+@njit(cache=True, inline="always", error_model="numpy")
 def _colour_batch(
     c: int, points: Float64Array, side: Float64Array, field: MaterialFieldArrays, lights: DaylightGrids, out: UInt8Array
 ) -> None:
@@ -246,44 +310,8 @@ def _colour_batch(
                 pane = GLASS_COLOUR[band] + tone[k] * (REFLECTED_SKY_COLOUR[band] - GLASS_COLOUR[band])
                 out[k, band] = to_byte((pane + other[k] * (frame[band] - pane)) * grey * light[k])
         return
-    mixed, share = MORTAR_COLOUR, 0.0
-    if material in (SurfaceMaterial.SHEET_METAL, SurfaceMaterial.FELT, SurfaceMaterial.ROOF_GRAVEL):
-        if abs(axis_v[2]) < FIELD_KERNELS.min_roof_fall:
-            x, y = east, north
-        if material == SurfaceMaterial.SHEET_METAL:
-            sheet_metal_tone(x, y, side, seed, tone)
-        elif material == SurfaceMaterial.ROOF_GRAVEL:
-            roof_gravel_tone(x, y, side, seed, tone)
-        else:
-            felt_tone(x, y, side, seed, tone)
-    elif material in (SurfaceMaterial.ROOF_TILE, SurfaceMaterial.SLATE):
-        if material == SurfaceMaterial.ROOF_TILE:
-            roof_tile_tone(x, y, side, seed, tone)
-        else:
-            slate_tone(x, y, side, seed, tone)
-        if charts.moss_share[c] > 0:
-            mixed, share = MOSS_COLOUR, charts.moss_share[c]
-            moss_share(x, y, side, share, seed, other)
-    elif material in (SurfaceMaterial.PLASTER, SurfaceMaterial.BRICK):
-        for k in range(n):
-            north[k] = points[2, k] - charts.wall_foot_z[c]
-        if material == SurfaceMaterial.PLASTER:
-            plaster_tone(x, y, north, side, seed, tone)
-        else:
-            share = 1.0
-            brick_tone(x, y, north, side, seed, other, tone)
-        for k in range(n):
-            east[k] = y[k] - start[1]
-        add_rain_weathering(x, y, north, east, side, seed, tone)
-    elif material == SurfaceMaterial.BOARDS:
-        door_boards_tone(x, y, side, seed, tone)
-        x, y = y, x  # the example has horizontal boards
-    elif material == SurfaceMaterial.METAL_FIXTURE:
-        for k in range(n):
-            east[k], north[k] = x[k] - start[0], y[k] - start[1]
-        metal_fixture_colour(x, y, east, north, size[0], size[1], side, seed, tone)
-    else:
-        soffit_tone(x, y, side, seed, tone)
+    x, y, share = _surface_tone(c, material, points, side, field.charts, seed, work)
+    mixed = MOSS_COLOUR if material in (SurfaceMaterial.ROOF_TILE, SurfaceMaterial.SLATE) else MORTAR_COLOUR
     add_grain(x, y, side, field.grains, example, 1.0, seed + 71, tone)
     if share > 0:
         for k in range(n):
