@@ -110,34 +110,42 @@ def open_passages(
     reasons: dict[str, list[str]] = defaultdict(list)
     tree = shapely.STRtree([building.footprint for building in buildings])
     by_size: dict[_PassageSize, list[_PassageWay]] = defaultdict(list)
+    areas: list[_PassageWay] = []
     for way in _passage_ways(streets, sources, crs):
         if isinstance(way.shape, LineString):
             by_size[_passage_size(way.id, way.shape, way.tags)].append(way)
-        elif _covers_building(way.shape, buildings, tree):
-            reasons[AREA_REASON].append(way.id)
+        else:
+            areas.append(way)
+    if covering := [way.id for way in areas if _covers_building(way.shape, buildings, tree)]:
+        reasons[AREA_REASON] = covering
     corridors: dict[int, list[BuildingPassage]] = defaultdict(list)
     closed: set[int] = set()
-    for size, ways in by_size.items():
-        for whole in shapely.get_parts(shapely.line_merge(shapely.multilinestrings([way.shape for way in ways]))):
-            members = [way for way in ways if shapely.covers(whole, way.shape)]
-            crossed = _crossed_buildings(whole, buildings, tree)
-            if not crossed:
-                continue
-            found = {index: _building_passages(whole, size, buildings[index]) for index in crossed}
-            if reason := next((one for one in found.values() if isinstance(one, str)), None):
-                reasons[reason] += [way.id for way in members]
-                closed.update(way.street for way in members if way.street is not None)
-                continue
-            for index, own in found.items():
-                corridors[index] += [passage for passage in own if isinstance(passage, BuildingPassage)]
-            for way in members:
-                reasons[_opening_note(way.tags)].append(way.id)
+    for size, whole, members in _join_ways(by_size):
+        crossed = _crossed_buildings(whole, buildings, tree)
+        found = {index: _building_passages(whole, size, buildings[index]) for index in crossed}
+        if reason := next((one for one in found.values() if isinstance(one, str)), None):
+            reasons[reason] += [way.id for way in members]
+            closed.update(way.street for way in members if way.street is not None)
+            continue
+        for index, own in found.items():
+            corridors[index] += [passage for passage in own if isinstance(passage, BuildingPassage)]
+        for way in members if crossed else ():
+            reasons[_opening_note(way.tags)].append(way.id)
     opened = tuple(
         replace(building, passages=tuple(corridors[index])) if index in corridors else building
         for index, building in enumerate(buildings)
     )
     left = tuple(piece for index, piece in enumerate(streets.items) if index not in closed)
     return OpenedPassages(opened, replace(streets, items=left), reasons)
+
+
+def _join_ways(
+    by_size: Mapping[_PassageSize, Sequence[_PassageWay]],
+) -> Iterator[tuple[_PassageSize, BaseGeometry, list[_PassageWay]]]:
+    """Join the ways of each size that meet; yields size, line and members of each."""
+    for size, ways in by_size.items():
+        for whole in shapely.get_parts(shapely.line_merge(shapely.multilinestrings([way.shape for way in ways]))):
+            yield size, whole, [way for way in ways if shapely.covers(whole, way.shape)]
 
 
 def _covers_building(area: BaseGeometry, buildings: Sequence[Building], tree: shapely.STRtree) -> bool:

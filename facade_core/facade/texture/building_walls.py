@@ -75,7 +75,7 @@ def compose_wall(
     stack, scale = stack_floors(style, wall, metres_per_pixel, floor_style)
 
     bay = scale * float(np.diff(style.structure.bay_cuts).mean()) * (BAYS.back_bay_factor if wall.is_back else 1.0)
-    window = scale * float(np.mean([right - left for left, right in style.structure.bays]))
+    window = scale * float(np.diff(style.structure.bays, axis=1).mean())
     blank = wall.width < max(0.5 * bay, window + 2 * BAYS.window_margin_m)
     ends = [0.0, wall.width] if blank else _wall_sections(wall, bay)
     counts = [max(1, round((right - left) / bay)) for left, right in pairwise(ends)]
@@ -94,11 +94,13 @@ def compose_wall(
     ground = _floor_rows(stack)[-1]
     if wall.is_corner:
         _blank_ground(style, stack[-1], source[:, ground], plain)
-    if wall.on_street and not blank and shows_ground_floor(style, stack[-1]):
+    is_front = wall.on_street and not blank and shows_ground_floor(style, stack[-1])
+    if is_front:
         place_doors(style, wall.entrances, source[:, ground], across)
-    back = wall.has_back_door or (wall.is_back and bool(wall.entrances) and not wall.is_raised)
-    size_m = wall.width, wall.height
-    middle = choose_door_position(wall.free, size_m, across, wall.seams, wall.entrances, rng) if back else None
+    middle = None
+    if wall.has_back_door or (wall.is_back and bool(wall.entrances) and not wall.is_raised):
+        size_m = wall.width, wall.height
+        middle = choose_door_position(wall.free, size_m, across, wall.seams, wall.entrances, rng)
     if middle is not None and not blank:
         _blank_bays_at_door(source[:, ground], across, middle, len(stack[-1].heights), plain, wide + 1)
     rows, columns = (np.rint(borders / pixel).astype(np.int64) for borders in (down, across))
@@ -109,7 +111,7 @@ def compose_wall(
     image, labels = compose_tiles(style.image, style.labels, lattice, tiles, rows, columns, pixel / metres_per_pixel)
     if wall.is_corner and shows_ground_floor(style, stack[-1]):
         paint_corner_shop(style, image, labels, int(rows[ground.start]), scale, pixel)
-    if wall.on_street and not blank and shows_ground_floor(style, stack[-1]):
+    if is_front:
         borders, scales = rows[ground.start : ground.stop + 1], (metres_per_pixel, pixel)
         paint_ground_units(style, wall, stack[-1], image, labels, borders, scale, scales, rng)
     if middle is not None:
