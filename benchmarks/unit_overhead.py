@@ -10,9 +10,11 @@ import json
 import tempfile
 import time
 from collections.abc import Callable
+from typing import cast
 
-from distributed import Client, as_completed, default_client
+from distributed import Client
 
+from tasks.engine.compute.cluster import Cluster
 from tasks.engine.compute.connect import Compute, connect
 
 
@@ -30,7 +32,7 @@ def run_units(compute: Compute, count: int) -> int:
 def map_plainly(client: Client, count: int) -> int:
     """Run the same calls by `client.map`, and return the sum of their results."""
     futures = client.map(do_nothing, range(count), pure=False)
-    return sum(result for _, result in as_completed(futures, with_results=True))
+    return sum(client.gather(futures))
 
 
 def measure_ms(function: Callable[[int], int], count: int) -> float:
@@ -47,7 +49,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder, connect(options.workers, None, folder) as compute:
-        client = default_client()
+        client = cast(Cluster, compute)._client  # noqa: SLF001
         for count in (100, *options.units):
             units = measure_ms(lambda count: run_units(compute, count), count)
             plain = measure_ms(lambda count: map_plainly(client, count), count)

@@ -9,7 +9,7 @@ import socket
 import uuid
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from catalogs.published.s3 import folder_at
 from facade_core.core.errors import InputError
@@ -32,6 +32,8 @@ log = logging.getLogger(__name__)
 
 # Where Dask reads what TLS needs.
 TLS = "DASK_DISTRIBUTED__COMM__TLS__CA_FILE, ..__TLS__CLIENT__CERT and ..__TLS__CLIENT__KEY"
+# A client for units alone: arrays of other libraries, such as those of xarray, are computed in this process.
+_OWN: dict[str, Any] = {"set_as_default": False}
 # Settings of Dask in a process that starts workers or connects to them.
 _DASK_SETTINGS = {
     "distributed.worker.daemon": True,
@@ -122,7 +124,11 @@ def _start_local_client(workers: int) -> Iterator[Client]:
     import dask as dask_module
     from distributed import Client
 
-    with dask_module.config.set(_DASK_SETTINGS), _start_local_cluster(workers) as cluster, Client(cluster) as client:
+    with (
+        dask_module.config.set(_DASK_SETTINGS),
+        _start_local_cluster(workers) as cluster,
+        Client(cluster, **_OWN) as client,
+    ):
         client.register_plugin(worker_setup_plugin(), name="streetloom")
         yield client
 
@@ -192,7 +198,7 @@ def _connect_client(address: str, timeouts: Timeouts) -> Iterator[Client]:
 
     require_scheduler(address, timeouts.connect)
     try:
-        client = Client(address, timeout=timeouts.connect)
+        client = Client(address, timeout=timeouts.connect, **_OWN)
     except Exception as error:  # what does not speak Dask is met with errors of every kind
         raise InputError(f"--dask {address}: no scheduler answers there; {START_SCHEDULER}") from error
     with client:

@@ -14,7 +14,6 @@ from typing import Any
 import cloudpickle
 import psutil
 import pytest
-from distributed import default_client
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -109,7 +108,7 @@ def test_results_leave_the_cluster_one_by_one(
     held: list[int] = []
     grown: list[int] = []
     with connect(2, None, str(tmp_path)) as compute:
-        client = default_client()
+        client = compute._client  # type: ignore[union-attr]
 
         def finish(session: Any, fork: bytes, stage: str, records: Any, message: str) -> None:
             assert len(fork) == RESULT
