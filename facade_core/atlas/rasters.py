@@ -184,35 +184,3 @@ def chart_digests(
 def picture_digest(rgb: UInt8Array) -> str:
     """Compute the digest of a picture's pixels, hexadecimal."""
     return hashlib.blake2b(np.ascontiguousarray(rgb).tobytes(), digest_size=8).hexdigest()
-
-
-def chunk_digests(
-    colour: StoreArray, provenance: StoreArray, spec: AtlasSpec, placement: ChartPlacements, charts: Iterable[int]
-) -> dict[str, str]:
-    """Compute the digest of colour and provenance of every chunk that contains one of the charts.
-
-    Returns
-    -------
-    Hexadecimal digest by "page/row/column".
-    """
-    digests: dict[str, str] = {}
-    for c in charts:
-        chunks = placement.chunks(int(c), spec.chunk, spec.gutter)
-        page, row, column = (int(v) for v in chunks[0])
-        if f"{page}/{row}/{column}" in digests:
-            continue
-        rows, columns = (int(v) for v in chunks[-1, 1:] - chunks[0, 1:] + 1)
-        region = (
-            page,
-            slice(row * spec.chunk, (row + rows) * spec.chunk),
-            slice(column * spec.chunk, (column + columns) * spec.chunk),
-        )
-        blocks = [np.asarray(a[region]) for a in (colour, provenance)]
-        for r in range(rows):
-            for k in range(columns):
-                digest = hashlib.blake2b(digest_size=8)
-                for block in blocks:
-                    part = block[r * spec.chunk : (r + 1) * spec.chunk, k * spec.chunk : (k + 1) * spec.chunk]
-                    digest.update(np.ascontiguousarray(part).tobytes())
-                digests[f"{page}/{row + r}/{column + k}"] = digest.hexdigest()
-    return digests

@@ -36,10 +36,6 @@ class WallPlane:
     height: float
     texel_size: tuple[float, float]
 
-    def to_world(self, points: Float64Array) -> Float64Array:
-        """Convert points (n, 2) of the plane, metres along and up, to world (n, 3)."""
-        return self.origin + points[:, :1] * self.along + points[:, 1:] * self.up
-
     @property
     def transform(self) -> tuple[float, float, float, float, float, float]:
         """Return the affine transform from column and row to the plane, in GDAL's order for Python."""

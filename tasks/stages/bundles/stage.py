@@ -28,10 +28,10 @@ from tasks.stages.bundles.refined_poses import pose_from_record
 from tasks.stages.bundles.worker import BundleInputs, BundlePanorama, bundle_record_fields, compute_bundle
 from tasks.stages.poses.record import PoseRecord
 from tasks.stages.poses.stage import pose_memory
-from tasks.stages.shared.key_parts import POSE_SURROUNDINGS_M
 from tasks.stages.shared.memory import LIBRARY_BYTES
 from tasks.stages.shared.picture_choice import choose_pictures
 from tasks.stages.shared.scene_view import SceneView, view_charts
+from tasks.stages.shared.view_inputs import POSE_SURROUNDINGS_M
 
 # Bytes kept of each panorama of a bundle.
 SMALL_PANORAMA_BYTES = JOINT.max_turn_pixels * JOINT.max_turn_pixels // 2 * 3

@@ -37,7 +37,6 @@ from tasks.stages.facades.imagery import ChosenExemplar, FacadeImagery, FacadeIn
 from tasks.stages.facades.worker import process_facades
 from tasks.stages.shared.captures import facade_panoramas_by_capture
 from tasks.stages.shared.facade_corrections import match_corrections
-from tasks.stages.shared.key_parts import bounding_box, object_digests_between, textures_of_charts, view_own_textures
 from tasks.stages.shared.memory import (
     FACADE_TEXEL,
     LIBRARY_BYTES,
@@ -47,6 +46,7 @@ from tasks.stages.shared.memory import (
     peak_decoding_bytes,
 )
 from tasks.stages.shared.scene_view import SceneView, view_charts
+from tasks.stages.shared.view_inputs import bounding_box, object_digests_between, textures_of_charts, view_own_textures
 
 # A shop is behind the nearest wall, at most so far, metres: maps put it into the building or before it.
 MAX_SHOP_DISTANCE_M = 15.0

@@ -18,7 +18,6 @@ from tasks.stages.bundles.nearby_panoramas import index_usable_panoramas
 from tasks.stages.grounds.worker import GroundInputs, compute_ground
 from tasks.stages.poses.record import PoseRecord
 from tasks.stages.shared.camera_forecast import forecast_units_after_poses
-from tasks.stages.shared.key_parts import view_between
 from tasks.stages.shared.memory import (
     CAMERA_PIXEL,
     GROUND_TEXEL,
@@ -29,6 +28,7 @@ from tasks.stages.shared.memory import (
 )
 from tasks.stages.shared.panorama_cameras import write_panorama_surfaces
 from tasks.stages.shared.scene_view import view_charts
+from tasks.stages.shared.view_inputs import view_between
 
 # A panorama was taken so high over the ground, metres, or the block's ground is not the one it shows: a bridge, a quay.
 LEAST_HEIGHT_M, MOST_HEIGHT_M = 1.2, 4.5

@@ -15,10 +15,10 @@ from tasks.engine.run import Run
 from tasks.engine.stage import Stage, UnitOutline
 from tasks.engine.unit import Unit
 from tasks.stages.poses.worker import PoseInputs, compute_pose, record_fields
-from tasks.stages.shared.key_parts import POSE_SURROUNDINGS_M
 from tasks.stages.shared.memory import LIBRARY_BYTES, bounded_pixel_count, peak_decoding_bytes
 from tasks.stages.shared.picture_choice import choose_pictures
 from tasks.stages.shared.scene_view import SceneView
+from tasks.stages.shared.view_inputs import POSE_SURROUNDINGS_M
 
 # Bytes per pixel of a panorama whose pose is refined: the picture, and edges of it at a smaller size.
 POSE_PIXEL = 24

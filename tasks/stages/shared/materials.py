@@ -13,14 +13,12 @@ from catalogs.readers.pictures.aerial import Orthophoto
 from catalogs.readers.pictures.materials import MaterialPicture
 from facade_core.core.errors import InputError
 from facade_core.core.zarr_types import StoreGroup
-from facade_core.geometry.overhead_view import AerialSampler as Sampler
 from facade_core.geometry.overhead_view import upward_roof_mask
 from facade_core.plan.plan import Plan
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.materials.grain import GrainTables, learn_grain
 from facade_core.street.materials.grain_file import load_grain_tables
 from facade_core.street.materials.tiled_material import TiledMaterial
-from tasks.engine.run import Run
 from tasks.stages.shared.images import read_bounded_picture
 
 # Places along either side of a roof that are looked for on the picture.
@@ -37,11 +35,6 @@ def mark_aerial_roofs(plan: Plan, aerial: Orthophoto) -> Plan:
     textured = plan.textured.copy()
     textured[roofs[inside.any(axis=1)]] = True
     return replace(plan, textured=textured)
-
-
-def aerial_sampler(run: Run) -> Sampler | None:
-    """Return a sampler of colours from above, None without a picture."""
-    return None if run.aerial is None else run.aerial.sample
 
 
 def material_field(

@@ -22,9 +22,9 @@ from tasks.engine.run import Run
 from tasks.engine.stage import ForecastInputs, Stage, StageForecast, UnitOutline
 from tasks.engine.unit import Unit
 from tasks.stages.shared.base_layer import BASE_LAYER_STAGES
-from tasks.stages.shared.key_parts import bounding_box
 from tasks.stages.shared.memory import FINISHED_TEXEL, LIBRARY_BYTES
 from tasks.stages.shared.scene_view import SceneView, store_charts, view_charts
+from tasks.stages.shared.view_inputs import bounding_box
 from tasks.stages.streets.record import StreetRecord
 from tasks.stages.surfaces.worker import SurfaceInputs, compute_surface, write_surface
 

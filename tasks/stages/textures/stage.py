@@ -14,9 +14,9 @@ from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
 from tasks.engine.stage import Stage, UnitOutline
 from tasks.engine.unit import Unit
-from tasks.stages.shared.key_parts import OFF_PLANE_M, bounding_box, textures_of_charts, view_own_textures
 from tasks.stages.shared.memory import LIBRARY_BYTES, PICTURE_PIXEL, bounded_pixel_count, peak_decoding_bytes
 from tasks.stages.shared.scene_view import SceneView
+from tasks.stages.shared.view_inputs import OFF_PLANE_M, bounding_box, textures_of_charts, view_own_textures
 from tasks.stages.textures.worker import TextureInputs, compute_textures, write_textures
 
 # Bytes per texel of a model's texture: colour, cover and places in the atlas.

@@ -18,7 +18,6 @@ from tasks.engine.stage import Stage, UnitOutline
 from tasks.engine.unit import Unit
 from tasks.stages.bundles.nearby_panoramas import index_usable_panoramas
 from tasks.stages.shared.camera_forecast import forecast_units_after_poses
-from tasks.stages.shared.key_parts import view_between
 from tasks.stages.shared.memory import (
     CAMERA_PIXEL,
     FINISHED_TEXEL,
@@ -31,6 +30,7 @@ from tasks.stages.shared.memory import (
 from tasks.stages.shared.panorama_cameras import write_panorama_surfaces
 from tasks.stages.shared.scene_view import view_charts
 from tasks.stages.shared.surface_panorama import SurfacePanorama
+from tasks.stages.shared.view_inputs import view_between
 from tasks.stages.walls.worker import WallInputs, compute_walls
 
 

@@ -1,4 +1,4 @@
-"""Parts of keys that several stages share: each covers the inputs of a unit and nothing else of the block."""
+"""Views of the block as inputs of units: each is told by what a unit may see, and by nothing else of the block."""
 
 from __future__ import annotations
 
@@ -34,11 +34,6 @@ def view_between(run: Run, plan: Plan, charts_of: Mapping[SurfacePanorama, Seque
     )
 
 
-def hex_chart_ids(plan: Plan, charts: Sequence[int]) -> list[str]:
-    """Return the ids of some charts as 16 hexadecimal digits."""
-    return [f"{plan.ids[chart]:016x}" for chart in charts]
-
-
 def object_digests_between(plan: Plan, charts: Sequence[int], pose: Pose) -> list[str]:
     """Return digests of the objects that may be between a panorama and charts, and of the charts themselves."""
     place = np.array([pose.x, pose.y, pose.z])
@@ -70,8 +65,3 @@ def textures_of_charts(plan: Plan, charts: Sequence[int], textures: Sequence[Pat
     """Return the texture pictures that some charts carry, by their number in the model."""
     used = plan.scene.mesh.texture[np.isin(plan.scene.mesh.chart, charts)]
     return {number: textures[number] for number in np.unique(used[used >= 0]).tolist()}
-
-
-def all_hex_chart_ids(plan: Plan) -> list[str]:
-    """Return the ids of all charts of a plan as 16 hexadecimal digits."""
-    return [f"{number:016x}" for number in plan.ids.tolist()]
