@@ -90,9 +90,10 @@ def connect(
             serial.close()
         return
     import dask as dask_module
+    import distributed
 
     # what a unit raises comes back to its task, which says it better
-    for name in ("distributed", "distributed.client"):  # Dask gives the second a level of its own
+    for name in (distributed.__name__, distributed.client.__name__):  # which their import has given levels
         logging.getLogger(name).setLevel(logging.CRITICAL)
     if dask is None:
         with _start_local_client(workers) as client:

@@ -372,3 +372,21 @@ def test_a_run_that_ends_at_once_leaves_nothing_on_stderr(tmp_path: Path) -> Non
     )
     assert (done.returncode, done.stdout) == (130, "default\n")
     assert "resource_tracker" not in done.stderr
+
+
+def test_dask_says_nothing_of_its_own(tmp_path: Path) -> None:
+    """Also where the process logs everything: what a unit raises comes back to its task, which says it."""
+    code = (
+        "import logging, sys; logging.basicConfig(level=logging.INFO); "
+        "from tasks.engine.compute.connect import connect; connect(2, None, sys.argv[1]).__enter__()"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path)],
+        cwd=ROOT,
+        env=environment(tmp_path),
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=True,
+    )
+    assert "distributed." not in done.stderr
