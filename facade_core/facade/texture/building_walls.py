@@ -74,12 +74,8 @@ def compose_wall(
     plain = plainest_floor(style)
     stack, scale = stack_floors(style, wall, metres_per_pixel, floor_style)
 
-    bay = scale * float(np.diff(style.structure.bay_cuts).mean()) * (BAYS.back_bay_factor if wall.is_back else 1.0)
-    window = scale * float(np.diff(style.structure.bays, axis=1).mean())
-    blank = wall.width < max(0.5 * bay, window + 2 * BAYS.window_margin_m)
-    ends = [0.0, wall.width] if blank else _wall_sections(wall, bay)
-    counts = [max(1, round((right - left) / bay)) for left, right in pairwise(ends)]
-    count = 1 if blank else sum(counts)
+    ends, counts = _divide_into_bays(style, wall, scale)
+    blank, count = not counts, sum(counts) or 1
     wide = len(style.grid.columns) - 1
     source = _choose_tiles(style, wall, stack, count, plain, rng, blank=blank)
     if blank:
@@ -212,6 +208,16 @@ def _blank_ground(style: ExemplarAnalysis, wall_floor: WallFloor, source: Int32A
         own = 3 * plain + np.arange(count) if count == 3 else np.array([3 * plain + 1])
         source[0] = own[:, None]
     source[1] = bare
+
+
+def _divide_into_bays(style: ExemplarAnalysis, wall: FacadeWall, scale: float) -> tuple[list[float], list[int]]:
+    """Return the ends of a wall's sections, metres, and their numbers of bays; none without room for a window."""
+    bay = scale * float(np.diff(style.structure.bay_cuts).mean()) * (BAYS.back_bay_factor if wall.is_back else 1.0)
+    window = scale * float(np.diff(style.structure.bays, axis=1).mean())
+    if wall.width < max(0.5 * bay, window + 2 * BAYS.window_margin_m):
+        return [0.0, wall.width], []
+    ends = _wall_sections(wall, bay)
+    return ends, [max(1, round((right - left) / bay)) for left, right in pairwise(ends)]
 
 
 def _wall_sections(wall: FacadeWall, bay: float) -> list[float]:
