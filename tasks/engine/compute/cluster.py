@@ -14,7 +14,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import partial
 from queue import Empty, SimpleQueue
@@ -193,6 +193,8 @@ class Cluster:
 
     def wait_for_result(self, unit: ClusterUnit[R]) -> R:
         """Wait for the result of a unit; run the unit again by itself if its workers died."""
+        from distributed import KilledWorker
+
         with ExitStack() as alone:
             for last in (False, True):
                 if not unit.future.done():
@@ -200,7 +202,10 @@ class Cluster:
                     unit.future.add_done_callback(partial(_put, ended, unit))
                     self._take(ended)
                 if not unit.is_suspect():
-                    break
+                    with suppress(
+                        KilledWorker
+                    ):  # its result was lost with its worker, and so was the worker that redid it
+                        return self._fetch(unit.future)
                 if str(unit.future.key) in self._timed_out:
                     raise UnitTimeoutError(
                         f"it did not end within {self._timeouts.unit:.0f} s on any worker; "
@@ -213,7 +218,7 @@ class Cluster:
                     )
                 alone.enter_context(self._suspects)
                 unit.start()
-            return self._fetch(unit.future)
+        raise ClusterGoneError  # not reached: the last turn returns or raises
 
     @contextmanager
     def reserve_place(self) -> Iterator[object]:

@@ -217,13 +217,15 @@ def _records_at_new_indices(
     records: Sequence[Record | None], again: Mapping[int, int], names: Sequence[str]
 ) -> Records:
     """Return records by the new indices of their units; of a unit that writes other charts now as stale: it is pending."""
-    keys = {record["unit"]: record["key"] for record in records if record}
+    held = {record["unit"]: record for record in records if record}
     found: Records = []
     for index, name in enumerate(names):
         if index in again and again[index] < len(records):
             found.append(records[again[index]])
-        elif name in keys:
-            found.append(Record(unit=name, key=keys[name], status="stale", reason="its geometry changed"))
+        elif name in held:
+            since = held[name].get("started", 0.0)
+            reason = "its geometry changed"
+            found.append(Record(unit=name, key=held[name]["key"], status="stale", reason=reason, started=since))
         else:
             found.append(None)
     return found
