@@ -113,7 +113,7 @@ def staged(found: PublishedBlock, facade: str, titles: Sequence[str], height: in
     """Some of the stages of a facade, by the names that the viewer or the report has for them."""
     number = found.plan.facades.id.index(facade)
     chart, record = int(found.plan.facades.chart[number]), found.records[number]
-    exemplars = [made["unit"] if made else "" for made in found.journals["exemplars"]]
+    exemplars = {made["unit"]: made["folder"] for made in found.journals["exemplars"] if made and "folder" in made}
     stored = StoredFacade(found.group, found.plan.scene.placement, chart, record, exemplars)
     named = {stage.viewer.name: stage.draw for stage in iterate_stage_pictures(stored) if stage.viewer is not None}
     return beside([named[title]() for title in titles], height)

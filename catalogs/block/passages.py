@@ -122,6 +122,8 @@ def open_passages(
     closed: set[int] = set()
     for size, whole, members in _join_ways(by_size):
         crossed = _crossed_buildings(whole, buildings, tree)
+        if not crossed:
+            continue
         found = {index: _building_passages(whole, size, buildings[index]) for index in crossed}
         if reason := next((one for one in found.values() if isinstance(one, str)), None):
             reasons[reason] += [way.id for way in members]
@@ -129,7 +131,7 @@ def open_passages(
             continue
         for index, own in found.items():
             corridors[index] += [passage for passage in own if isinstance(passage, BuildingPassage)]
-        for way in members if crossed else ():
+        for way in members:
             reasons[_opening_note(way.tags)].append(way.id)
     opened = tuple(
         replace(building, passages=tuple(corridors[index])) if index in corridors else building

@@ -32,7 +32,7 @@ class Record(TypedDict, total=False):
     started : start, seconds since 1970.
     seconds : duration of each step.
     digests : of stages that write charts, the digest of each chart by its id.
-    is_complete : of these, whether every texel of the charts has a source.
+    is_complete : of these, whether every texel of the charts has a source; absent where none has.
     files : of stages that write files, the digest of each by its path.
     """
 

@@ -181,6 +181,15 @@ def chart_digests(
     return digests
 
 
+def describe_completeness(sources: Iterable[AnyArray]) -> dict[str, bool]:
+    """Return the field `is_complete` of a record of charts with these sources of texels, 0 for none; {} without any texel.
+
+    Chunks of texels without a source are never written: only what has some can be lost.
+    """
+    found = [source != 0 for source in sources]
+    return {"is_complete": all(map(np.all, found))} if any(map(np.any, found)) else {}
+
+
 def picture_digest(rgb: UInt8Array) -> str:
     """Compute the digest of a picture's pixels, hexadecimal."""
     return hashlib.blake2b(np.ascontiguousarray(rgb).tobytes(), digest_size=8).hexdigest()

@@ -10,7 +10,6 @@ import numpy as np
 
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import StoreError
-from facade_core.core.name_hash import hash_name
 from facade_core.core.zarr_types import StoreGroup, get_subgroup
 
 # Folders of encoded files, created by ingest: parallel units must not create the same group.
@@ -31,9 +30,9 @@ EXEMPLARS = "exemplars"
 FOLDERS = (HIERARCHIES, EARLIER, PAGES, TILES, COARSE, PICTURES, EXEMPLARS)
 
 
-def exemplar_folder(name: str) -> str:
-    """Return the folder of a prepared exemplar, by its name."""
-    return f"{EXEMPLARS}/{hash_name(name):08x}"
+def exemplar_folder(file_name: str) -> str:
+    """Return the folder of a prepared exemplar, by the name of its file: no two of a block are equal."""
+    return f"{EXEMPLARS}/{hashlib.blake2b(file_name.encode(), digest_size=8).hexdigest()}"
 
 
 def variation_hierarchy_path(chart: int) -> str:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from catalogs.block.reader import read_block
-from facade_core.atlas.stored_files import exemplar_folder
 from facade_core.core.arrays import Int64Array, IntArray, UInt8Array
 from facade_core.core.errors import FacadeError, InputError
 from tasks.engine.progress import begin_stage, report_progress
@@ -118,7 +117,7 @@ def _build_libraries(
     from facade_core.export.factored.library import build_library
     from facade_core.parsing.elements import elements
 
-    exemplars = {r["unit"]: k for k, r in enumerate(results.journals["exemplars"]) if r and r["status"] == "done"}
+    exemplars = {r["unit"]: (k, r) for k, r in enumerate(results.journals["exemplars"]) if r and r["status"] == "done"}
     given = _original_exemplars(results)
     libraries: list[FacadeLibrary] = []
     number: dict[str, int] = {}
@@ -130,11 +129,11 @@ def _build_libraries(
         source = _facade_source(results, index)
         if source not in number:
             if source in exemplars:
-                k = exemplars[source]
-                image, labels = (results.group[f"{exemplar_folder(source)}/{name}"][:] for name in ("image", "labels"))
+                k, record = exemplars[source]
+                image, labels = (results.group[f"{record['folder']}/{name}"][:] for name in ("image", "labels"))
                 fine = _read_original(given.get(source), image)
                 coarse += fine is None
-                density = 1 / float(results.journals["exemplars"][k]["metres_per_texel"])  # type: ignore[index]
+                density = 1 / float(record["metres_per_texel"])
                 library = build_library(image, labels, elements(labels), density, fine, seed=k)
             else:
                 chart = int(results.plan.facades.chart[index])

@@ -12,7 +12,7 @@ from catalogs.features import safe_file_stem
 from catalogs.published.reuse import SnapshotFileWriter
 from catalogs.published.snapshot import SnapshotFolder
 from facade_core.atlas.journal import Record, unit_key
-from facade_core.atlas.stored_files import exemplar_folder, picture_path, read_stored_file
+from facade_core.atlas.stored_files import picture_path, read_stored_file
 from facade_core.core.resizing import resize_image
 from facade_core.export.pictures.rendering import encode_image
 from facade_core.export.pictures.settings import DRAWING_SETTINGS
@@ -150,7 +150,7 @@ def _add_exemplar_pictures(
                 files.add_file(
                     f"{folder}/{file}",
                     source_key,
-                    partial(_encode_exemplar, block, f"{exemplar_folder(record['unit'])}/{array}"),
+                    partial(_encode_exemplar, block, f"{record['folder']}/{array}"),
                 )
                 titled.append((file, title))
             found[record["unit"]] = tuple(titled)

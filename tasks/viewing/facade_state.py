@@ -83,7 +83,7 @@ def read_facade_state(view: RunView, index: int, corrections: Corrections) -> Js
             "exemplar": corrections.value_correction(building, "exemplar") or "",
             **dict.fromkeys(APPEARANCE_COLUMNS, "") | appearance,
         },
-        "exemplars": view.exemplars,
+        "exemplars": list(view.exemplars),
         "corrected": [
             {"id": one.id, "what": one.kind, "who": one.who, "when": one.when, "why": one.why} for one in effective
         ],

@@ -126,9 +126,10 @@ class RunView:
         return self.facade_index_by_id[facade]
 
     @cached_property
-    def exemplars(self) -> list[str]:
-        """Return the names of the prepared exemplars."""
-        return [record["unit"] for record in self.journals["exemplars"] if record and record["status"] == "done"]
+    def exemplars(self) -> dict[str, str]:
+        """Return the folders of the prepared exemplars by name."""
+        done = (record for record in self.journals["exemplars"] if record and record["status"] == "done")
+        return {record["unit"]: record["folder"] for record in done}
 
     @cached_property
     def id_by_former_id(self) -> dict[str, str]:
@@ -138,8 +139,7 @@ class RunView:
     def open_facade(self, index: int) -> StoredFacade:
         """Return the stored data of a facade."""
         chart = int(self.tables.facades.chart[index])
-        exemplars = [record["unit"] if record else "" for record in self.journals["exemplars"]]
-        return StoredFacade(self.group, self.tables.placement, chart, self.records[index], exemplars)
+        return StoredFacade(self.group, self.tables.placement, chart, self.records[index], self.exemplars)
 
     def block_map(self) -> JsonObject:
         """Return the block as a map: facades with catalogue columns, buildings, streets, viewpoints and review hints.

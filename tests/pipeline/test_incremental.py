@@ -24,8 +24,11 @@ from tasks.engine.forecast import NOTHING_PENDING
 from tasks.engine.run_key import create_run
 from tasks.engine.stage_code import stage_code_digest
 from tasks.engine.store.commits import read_newest_journal
+from tasks.engine.store.digests import find_differing_units
+from tasks.engine.store.integrity import find_lost_units
 from tasks.engine.store.status import completion_summary
 from tasks.publish.task import publish_block
+from tasks.stages.exemplars.record import ExemplarRecord
 from tasks.stages.streets.panoramas import is_panorama_in_report
 from tasks.stages.surfaces.stage import SURFACES
 from tests.pipeline.stages import (
@@ -167,6 +170,25 @@ def test_a_street_that_goes_takes_its_texels_along(left_to_streets: Path, tmp_pa
     done, made = again(folder)
     assert "s3" not in done
     assert_as_fresh(folder, made)
+
+
+def test_a_street_whose_id_goes_to_another_line(left_to_streets: Path, tmp_path: Path) -> None:
+    folder = copied(left_to_streets, tmp_path)
+    write_block(folder / "in", streets={**STREETS, "1": [(60, -15), (60, 25)], "4": STREETS["1"]}, **LEFT)
+    _, made = again(folder)
+    assert_as_fresh(folder, made)
+
+
+def test_two_exemplars_of_one_name_are_two(seeded: Path, tmp_path: Path) -> None:
+    folder = copied(seeded, tmp_path)
+    exemplars = folder / "in" / "exemplars"
+    ImageOps.mirror(Image.open(exemplars / "0.png")).save(exemplars / "0.bmp")
+    _, made = again(folder)
+    assert_as_fresh(folder, made)
+    session = open_repository(made.run.store).readonly_session(BRANCH)
+    folders = [record["folder"] for record in read_journal(open_root(session), "exemplars", ExemplarRecord) if record]
+    assert len(set(folders)) == 3
+    assert find_differing_units(open_root(session), load_run_plan(made.run)) == find_lost_units(session) == {}
 
 
 def test_a_run_that_stops_halfway_goes_on(left_to_streets: Path, tmp_path: Path) -> None:
@@ -371,9 +393,6 @@ def _places(folder: Path) -> tuple[list[int], list[tuple[int, int, int]]]:
 
 def _panoramas_that_show(made: Textured, facade: str) -> set[str]:
     """The viewpoints whose panorama is stored and shows a facade."""
-    from tasks.engine.context import load_run_plan
-    from tasks.stages.streets.panoramas import is_panorama_in_report
-
     plan = load_run_plan(made.run)
     chart = plan.facades.chart[plan.facades.id.index(facade)]
     return {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
@@ -12,7 +12,7 @@ import numpy as np
 
 from facade_core.atlas.journal import Record
 from facade_core.atlas.rasters import read_chart_raster
-from facade_core.atlas.stored_files import exemplar_folder, read_stored_file
+from facade_core.atlas.stored_files import read_stored_file
 from facade_core.core.arrays import AnyArray, BoolArray, UInt8Array
 from facade_core.core.errors import StoreError
 from facade_core.core.labels import colourise
@@ -91,14 +91,14 @@ class StoredFacade:
     placement : placement of the charts.
     chart : chart of the facade.
     record : journal record; None before it is done.
-    exemplars : names of the exemplars of the block.
+    exemplars : folder of each prepared exemplar, by its name.
     """
 
     group: StoreGroup
     placement: ChartPlacements
     chart: int
     record: StoredFacadeRecord | None
-    exemplars: Sequence[str]
+    exemplars: Mapping[str, str]
 
     def read_raster(self, name: str) -> AnyArray:
         """Read the texels (h, w, ...) of the facade in an array of the store, such as facade_maps/labels."""
@@ -139,7 +139,7 @@ def iterate_stage_pictures(facade: StoredFacade) -> Iterator[StagePicture]:
     photo = hidden or (record.get("provenance") or [0])[-1] > 0
     exemplar = Path(record["source"] or "").stem
     if exemplar in facade.exemplars:
-        image = f"{exemplar_folder(exemplar)}/image"
+        image = f"{facade.exemplars[exemplar]}/image"
         yield StagePicture(lambda: np.asarray(facade.group[image]), StageTitle("source", "Exemplar it is made from"))
     if photo:
         yield from _photo_pictures(facade, record, hidden)

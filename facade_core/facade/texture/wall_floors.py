@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -127,16 +127,15 @@ def stack_floors(
     borders = _split_high_floors(_floor_borders(wall, shown, scale), has_ground_floor)
     stack = []
     for number, (low, high) in enumerate(zip(borders[:-1], borders[1:], strict=True)):
-        is_highest = number == len(borders) - 2
-        if number == 0 and has_ground_floor:
-            stack.append(_build_floor(style, own[-1], (low, high), scale, is_above=True))
-            continue
-        floor, is_crowned = _choose_upper_floor(wall, shown, (low, high), scale, is_highest=is_highest)
-        is_cut = is_highest and not (at_eaves or is_crowned)
-        made = _build_floor(style, floor, (low, high), scale, is_above=is_highest and not is_crowned, is_cut=is_cut)
-        stack.append(replace(made, is_crowned=is_crowned))
-    if len(stack) == 1 and has_ground_floor:
-        stack[0] = replace(stack[0], is_crowned=at_eaves and not wall.is_back)
+        is_ground, is_highest = number == 0 and has_ground_floor, number == len(borders) - 2
+        if is_ground:
+            floor, is_crowned = own[-1], is_highest and at_eaves and not wall.is_back
+        else:
+            floor, is_crowned = _choose_upper_floor(wall, shown, (low, high), scale, is_highest=is_highest)
+        is_above = is_ground or (is_highest and not is_crowned)
+        is_cut = is_highest and not (at_eaves or is_crowned or is_ground)
+        bands, attic, plinth = _fit_bands(style, floor, high - low, scale, is_above=is_above, is_cut=is_cut)
+        stack.append(WallFloor(floor, bands, attic, plinth, is_crowned))
     return stack[::-1], scale
 
 
@@ -199,30 +198,27 @@ def _choose_upper_floor(
     return floor, is_crowned
 
 
-def _build_floor(
-    style: ExemplarAnalysis,
-    floor: int,
-    span: tuple[float, float],
-    scale: float,
-    *,
-    is_above: bool,
-    is_cut: bool = False,
-) -> WallFloor:
-    """Build a floor between two heights.
+def _fit_bands(
+    style: ExemplarAnalysis, floor: int, height: float, scale: float, *, is_above: bool, is_cut: bool
+) -> tuple[tuple[float, ...], float, float]:
+    """Fit the bands of an exemplar's floor to a height, metres.
 
     Parameters
     ----------
-    is_above : whether bare wall is above its bands, as above doors and shops, or below, as below a crown.
+    is_above : whether bare wall is above the bands, as above doors and shops, or below, as below a crown.
     is_cut : whether a floor that is too low is cut.
+
+    Returns
+    -------
+    Heights of the bands, and of the bare wall above and below them.
     """
-    height, grid, rows = span[1] - span[0], np.asarray(style.grid.rows), lattice_rows(style, floor)
+    grid, rows = np.asarray(style.grid.rows), lattice_rows(style, floor)
     natural = scale * float(grid[rows.stop] - grid[rows.start])
     bare = height - natural if height > FLOORS.max_floor_stretch * natural else 0.0
-    above = bare if is_above else 0.0
     bands = _band_heights(style, floor, height - bare, scale)
     if is_cut and height < natural:
         bands = _cut_bands(style, floor, height, scale) or bands
-    return WallFloor(floor, bands, above, bare - above, is_crowned=False)
+    return (bands, bare, 0.0) if is_above else (bands, 0.0, bare)
 
 
 def _ends_in_cornice(style: ExemplarAnalysis, wall: FacadeWall, height: float, scale: float) -> bool:

@@ -138,7 +138,8 @@ class Cluster:
         self._polled = -float("inf")
         self._lost_since: float | None = None
         self._suspects = threading.Lock()
-        self._reserved, self._released = 0, threading.Condition()
+        self._reserved: list[int] = []  # bytes of the states of places
+        self._released = threading.Condition()
         self._timed_out: set[str] = set()
         client.subscribe_topic(LOG_TOPIC, self._handle_event)
 
@@ -195,48 +196,52 @@ class Cluster:
         """Wait for the result of a unit; run the unit again by itself if its workers died."""
         from distributed import KilledWorker
 
+        is_alone = False
         with ExitStack() as alone:
-            for last in (False, True):
+            while True:
                 if not unit.future.done():
                     ended: SimpleQueue[ClusterUnit[R]] = SimpleQueue()
                     unit.future.add_done_callback(partial(_put, ended, unit))
                     self._take(ended)
                 if not unit.is_suspect():
-                    with suppress(
-                        KilledWorker
-                    ):  # its result was lost with its worker, and so was the worker that redid it
+                    # its result may be lost with its worker, and the worker that redoes it with another unit
+                    with suppress(KilledWorker):
                         return self._fetch(unit.future)
                 if str(unit.future.key) in self._timed_out:
                     raise UnitTimeoutError(
                         f"it did not end within {self._timeouts.unit:.0f} s on any worker; "
                         "leave out what it is made from, or look at what its workers wait for"
                     )
-                if last:
+                if is_alone:
                     raise WorkersDiedError(
                         f"each of the workers that ran it died; it had declared {unit.memory / 1e6:.0f} MB: give workers more "
                         "memory (--workers 1, or dask worker --memory-limit), or leave out the picture it is made from"
                     )
                 alone.enter_context(self._suspects)
+                is_alone = True
                 unit.start()
-        raise ClusterGoneError  # not reached: the last turn returns or raises
 
     @contextmanager
-    def reserve_place(self) -> Iterator[object]:
-        """Reserve a thread of a worker for a sequence of units that share state; waits until one is free.
+    def reserve_place(self, memory: int) -> Iterator[object]:
+        """Reserve a thread of a worker for a sequence of units that share state of `memory` bytes.
+
+        Waits until a thread is free, and the memory of all such states fits the workers; one alone may have any size.
 
         The place is a future, which Dask keeps on a worker. Units that take it as an argument go there by data locality; if
         that worker is lost, Dask makes the future elsewhere. A `workers=` that is not strict would serve as well, but leaves
         units without a worker for ever once all workers were gone at once (distributed 2026.8).
         """
         with self._released:
-            while self._reserved >= self.threads:
+            while len(self._reserved) >= self.threads or (
+                self._reserved and sum(self._reserved) + memory > self.memory
+            ):
                 self._released.wait(self._timeouts.poll_interval)
-            self._reserved += 1
+            self._reserved.append(memory)
         try:
             yield self.submit_call((uuid4,), None)
         finally:
             with self._released:
-                self._reserved -= 1
+                self._reserved.remove(memory)
                 self._released.notify()
 
     def _take(self, ended: SimpleQueue[ClusterUnit[R]]) -> ClusterUnit[R]:

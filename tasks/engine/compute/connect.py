@@ -9,7 +9,7 @@ import socket
 import uuid
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from catalogs.published.s3 import folder_at
 from facade_core.core.errors import InputError
@@ -32,8 +32,6 @@ log = logging.getLogger(__name__)
 
 # Where Dask reads what TLS needs.
 TLS = "DASK_DISTRIBUTED__COMM__TLS__CA_FILE, ..__TLS__CLIENT__CERT and ..__TLS__CLIENT__KEY"
-# A client for units alone: arrays of other libraries, such as those of xarray, are computed in this process.
-_OWN: dict[str, Any] = {"set_as_default": False}
 # Settings of Dask in a process that starts workers or connects to them.
 _DASK_SETTINGS = {
     "distributed.worker.daemon": True,
@@ -128,7 +126,7 @@ def _start_local_client(workers: int) -> Iterator[Client]:
     with (
         dask_module.config.set(_DASK_SETTINGS),
         _start_local_cluster(workers) as cluster,
-        Client(cluster, **_OWN) as client,
+        Client(cluster, set_as_default=False) as client,
     ):
         client.register_plugin(worker_setup_plugin(), name="streetloom")
         yield client
@@ -199,7 +197,7 @@ def _connect_client(address: str, timeouts: Timeouts) -> Iterator[Client]:
 
     require_scheduler(address, timeouts.connect)
     try:
-        client = Client(address, timeout=timeouts.connect, **_OWN)
+        client = Client(address, timeout=timeouts.connect, set_as_default=False)
     except Exception as error:  # what does not speak Dask is met with errors of every kind
         raise InputError(f"--dask {address}: no scheduler answers there; {START_SCHEDULER}") from error
     with client:

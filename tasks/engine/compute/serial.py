@@ -64,8 +64,8 @@ class SerialCompute:
                 yield unit
 
     @contextmanager
-    def reserve_place(self) -> Iterator[None]:
-        """Reserve this process for a sequence of units that share state."""
+    def reserve_place(self, memory: int) -> Iterator[None]:
+        """Reserve this process for a sequence of units that share state; `memory` has no effect."""
         with self._sequences:
             self.require_open()
             yield

@@ -6,7 +6,7 @@ The keys of units decide whether their data are valid; this module only moves th
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import icechunk
@@ -29,6 +29,7 @@ from tasks.engine.stage import (
     OrderedStage,
     Records,
     ReingestContext,
+    UnitOutline,
     all_stages,
     match_names,
     match_units_by_name,
@@ -111,12 +112,15 @@ def adapt_store_to_plan(root: StoreGroup, last: LastIngest, run: Run, block: Blo
     kept: set[str] = set()
     for stage in all_stages():
         again, names = matches[stage.stage], [outline.name for outline in stage.outline(block, plan)]
-        records = _records_at_new_indices(before[stage.stage], again, names)
+        held = before[stage.stage]  # empty in a store from before the stage was there
+        records = [held[again[i]] if again.get(i, len(held)) < len(held) else None for i in range(len(names))]
         if isinstance(stage, OrderedStage):
             records = stage.relocate(change, again, records)
-        held = list(map(_record_text, before[stage.stage]))
+        else:
+            records = _mark_stale(records, held, names)
+        written = list(map(_record_text, held))
         for index, text in enumerate(map(_record_text, records)):
-            if index >= len(held) or held[index] != text:
+            if index >= len(written) or written[index] != text:
                 root[journal_path(stage.stage)][index] = text
         kept.update(path for record in records for path in stored_files(record))
     delete_stored_files_except(root, kept)
@@ -139,21 +143,27 @@ def match_units(
             matches[stage.stage] = stage.match(change)
             continue
         after = stage.outline(change.block, change.after)
-        again = match_units_by_name(records[stage.stage], [outline.name for outline in after])
-        if any(outline.charts for outline in after) or stage.stage in STAGE_ARRAYS:
-            before = stage.outline(change.block, change.before)
-            again = {
-                new: old
-                for new, old in match_names([one.name for one in before], [one.name for one in after]).items()
-                if [stays.get(chart) for chart in after[new].charts] == list(before[old].charts)
-            }
-            if stage.writes_base_layer:
-                kept = {chart for old in again.values() for chart in before[old].charts}
-                gone = {chart for one in before for chart in one.charts} - kept
-                fresh = {chart for new, one in enumerate(after) if new not in again for chart in one.charts}
-                stays = {new: old for new, old in stays.items() if new not in fresh and old not in gone}
+        if stage.stage not in STAGE_ARRAYS:
+            matches[stage.stage] = match_units_by_name(records[stage.stage], [one.name for one in after])
+            continue
+        before = stage.outline(change.block, change.before)
+        again = {
+            new: old
+            for new, old in match_names([one.name for one in before], [one.name for one in after]).items()
+            if [stays.get(chart) for chart in after[new].charts] == list(before[old].charts)
+        }
         matches[stage.stage] = again
+        if stage.writes_base_layer:
+            gone = _charts_without(before, again.values())
+            fresh = _charts_without(after, again)
+            stays = {new: old for new, old in stays.items() if new not in fresh and old not in gone}
     return matches, stays
+
+
+def _charts_without(outlines: Sequence[UnitOutline], units: Collection[int]) -> set[int]:
+    """Return the charts of the units that are not among some."""
+    others = set(range(len(outlines))).difference(units)
+    return {chart for unit in others for chart in outlines[unit].charts}
 
 
 def unit_counts(block: Block, plan: Plan) -> dict[str, int]:
@@ -213,19 +223,15 @@ def _record_text(record: Record | None) -> str:
     return json.dumps(record, sort_keys=True, allow_nan=False) if record else ""
 
 
-def _records_at_new_indices(
-    records: Sequence[Record | None], again: Mapping[int, int], names: Sequence[str]
-) -> Records:
-    """Return records by the new indices of their units; of a unit that writes other charts now as stale: it is pending."""
-    held = {record["unit"]: record for record in records if record}
-    found: Records = []
-    for index, name in enumerate(names):
-        if index in again and again[index] < len(records):
-            found.append(records[again[index]])
-        elif name in held:
-            since = held[name].get("started", 0.0)
-            reason = "its geometry changed"
-            found.append(Record(unit=name, key=held[name]["key"], status="stale", reason=reason, started=since))
-        else:
-            found.append(None)
-    return found
+def _mark_stale(records: Records, before: Records, names: Sequence[str]) -> Records:
+    """Return records with those of units that are known by name, and write other charts now, as stale: they are pending."""
+    held = {record["unit"]: record for record in before if record}
+    return [
+        _stale_record(held[name]) if record is None and name in held else record
+        for record, name in zip(records, names, strict=True)
+    ]
+
+
+def _stale_record(record: Record) -> Record:
+    since, reason = record.get("started", 0.0), "its geometry changed"
+    return Record(unit=record["unit"], key=record["key"], status="stale", reason=reason, started=since)

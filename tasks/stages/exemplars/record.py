@@ -45,4 +45,11 @@ class ExemplarFacts(TypedDict, total=False):
 
 
 class ExemplarRecord(ExemplarFacts, Record, total=False):
-    """Record of a prepared exemplar."""
+    """Record of a prepared exemplar.
+
+    Attributes
+    ----------
+    folder : folder of the store with its arrays.
+    """
+
+    folder: str

@@ -81,12 +81,12 @@ def process_exemplar(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[For
 
 def write_exemplar(atlas: Atlas, unit: Unit[ExemplarInputs], prepared: PreparedExemplar) -> dict[str, object]:
     """Write the image, labels and preview of an exemplar; returns the fields of its record."""
-    folder, files = exemplar_folder(unit.name), {}
+    folder, files = exemplar_folder(unit.inputs.picture.name), {}
     arrays = (prepared.image, prepared.labels, prepared.preview)
     for spec, array in zip((IMAGE, LABELS, PREVIEW), arrays, strict=True):
         spec.write(atlas.group, folder, array)
         files[f"{folder}/{spec.path}"] = digest_stored_file(np.ascontiguousarray(array).data)
-    return {"seconds": prepared.seconds, "files": files, **prepared.facts}
+    return {"folder": folder, "seconds": prepared.seconds, "files": files, **prepared.facts}
 
 
 def prepare_picture(inputs: ExemplarInputs) -> PreparedExemplar:
@@ -162,5 +162,5 @@ def read_exemplar(group: StoreGroup, index: int) -> tuple[UInt8Array, UInt8Array
     (record,) = read_records(group, "exemplars", np.array([index]), ExemplarRecord)
     if record is None:
         raise StoreError(f"exemplar {index} has no record; the next run makes it again")
-    folder = exemplar_folder(record["unit"])
+    folder = record["folder"]
     return group[f"{folder}/image"][:], group[f"{folder}/labels"][:], record["metres_per_texel"]

@@ -13,7 +13,7 @@ import numpy as np
 from icechunk import ForkSession
 
 from facade_core.atlas.journal import Record, read_records
-from facade_core.atlas.rasters import TexelLayout, chart_digests, write_rasters
+from facade_core.atlas.rasters import TexelLayout, chart_digests, describe_completeness, write_rasters
 from facade_core.atlas.store import open_root
 from facade_core.atlas.stored_files import (
     digest_stored_file,
@@ -193,7 +193,7 @@ def _write_facade(
         if shown is not None:
             about |= {} if shown.before is None else _write_change(group, plan, facade, shown.before, files)
             about |= describe_crop(shown)
-        about |= {"files": files, "is_complete": bool((result.provenance != Provenance.UNSEEN).all())}
+        about |= {"files": files, **describe_completeness([result.provenance])}
     about["seconds"] = {stage: round(s, 4) for stage, s in seconds.items()}
     return about
 

@@ -128,7 +128,7 @@ def _draw_facade(inputs: PictureInputs) -> ReportPictures:
     plan, group, facade = inputs.charts.plan, inputs.charts.store, inputs.facade
     (record,) = read_records(group, "facades", np.array([facade]), FacadeRecord)
     made = record if inputs.made else None
-    stored = StoredFacade(group, plan.scene.placement, int(plan.facades.chart[facade]), made, exemplars=())
+    stored = StoredFacade(group, plan.scene.placement, int(plan.facades.chart[facade]), made, exemplars={})
     joined, listed = BytesIO(), []
     for stage in iterate_stage_pictures(stored):
         if stage.report is None or not (inputs.is_staged or stage.report.name == TEXTURE_STAGE):

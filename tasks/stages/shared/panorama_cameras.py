@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from facade_core.atlas.rasters import TexelLayout, chart_digests, write_rasters
+from facade_core.atlas.rasters import TexelLayout, chart_digests, describe_completeness, write_rasters
 from facade_core.core.arrays import AnyArray, BoolArray, UInt8Array
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Pose
@@ -88,10 +88,8 @@ def write_panorama_surfaces(atlas: Atlas, _unit: object, result: PanoramaSurface
     """Write charts as panoramas show them to the base layer; returns the fields of their record."""
     digests, told = _write_fused_views(atlas.group, atlas.plan, result.found, result.used)
     rejected = rejection_record_fields(result.refused, "without it")
-    fields: dict[str, object] = {"digests": digests, "cameras": told, **rejected}
-    if digests:
-        fields["is_complete"] = all(bool(one.is_visible.all()) for one in result.found.values())
-    return fields | {"seconds": result.seconds}
+    completeness = describe_completeness(one.is_visible for one in result.found.values())
+    return {"digests": digests, "cameras": told, "seconds": result.seconds, **completeness, **rejected}
 
 
 def _write_fused_views(

@@ -108,7 +108,7 @@ def texture_street(run: Run, street: int, title: str, memory: int, compute: Comp
     at = ""
     commits: list[float] = []
     try:
-        with compute.reserve_place() as place, _claim_chunks(run, name, reads, writes):
+        with compute.reserve_place(memory) as place, _claim_chunks(run, name, reads, writes):
             while due:
                 at = f"viewpoint {due[0]}"
                 session, fork = fork_store(run.store)

@@ -99,7 +99,7 @@ def surface_inputs(
     names = [f"{plan.ids[chart]:016x}" for chart in reads]
     return SurfaceInputs(
         view=view_charts(run, plan, charts, *sorted(names[len(charts) :])),
-        lines=tuple(plan.ground_digests(charts)) if is_ground else (),
+        ground=SceneView(run, (), tuple(plan.ground_digests(charts))),
         around=SceneView(run, (), tuple(plan.scene_objects.digests_in_box(low - reach, high + reach))),
         seeds=store_charts(run, plan, reads, seeds),
         pictured=tuple(name in walls for name in names),

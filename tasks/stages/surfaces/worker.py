@@ -14,7 +14,7 @@ import numpy as np
 
 from catalogs.readers.pictures.aerial import Orthophoto
 from catalogs.readers.pictures.materials import MaterialPicture
-from facade_core.atlas.rasters import TexelLayout, chart_digests, write_rasters
+from facade_core.atlas.rasters import TexelLayout, chart_digests, describe_completeness, write_rasters
 from facade_core.atlas.surroundings import ChartReader
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.provenance import merge_atlas_layers
@@ -47,7 +47,7 @@ class SurfaceInputs:
     Attributes
     ----------
     view : its charts, and those beside them to which they are levelled.
-    lines : what is painted on ground.
+    ground : what is painted on ground.
     around : what may shade the charts.
     seeds : base layer of these charts: of walls and roofs from panoramas, facades and textures.
     pictured : whether each of them shows camera pictures of a wall or roof.
@@ -63,7 +63,7 @@ class SurfaceInputs:
     """
 
     view: SceneView = input_field(GEOMETRY_CHANGED)
-    lines: tuple[str, ...] = input_field("streets changed")
+    ground: SceneView = input_field("streets changed")
     around: SceneView = input_field(SURROUNDINGS_CHANGED)
     seeds: StoredCharts = input_field(INPUTS_PENDING)
     pictured: tuple[bool, ...] = input_field(INPUTS_PENDING)
@@ -93,7 +93,7 @@ def compute_surface(inputs: SurfaceInputs) -> FinishedSurfaces:
     start = time.time()
     charts, scene = inputs.view.charts, inputs.around.scene
     group, plan = inputs.seeds.store, inputs.view.plan
-    field = _material_field(inputs.view.run, inputs.seed, inputs.roof_material, inputs.materials)
+    field = _material_field(inputs.ground.run, inputs.seed, inputs.roof_material, inputs.materials)
     prepared = time.time()
     scene.daylight.compute(np.array(charts))  # all at once: each call casts rays of its own
     seeded, written = inputs.seeds.charts_with_texels, inputs.streets.charts_with_texels
@@ -133,8 +133,8 @@ def write_surface(atlas: Atlas, _unit: object, result: FinishedSurfaces) -> dict
     for name, flat in {"colour": result.colour, "provenance": result.provenance}.items():
         write_rasters(atlas.group[f"atlas/{name}"], scene.spec, scene.placement, result.rasters, flat)
     digests = chart_digests(result.colour, result.provenance, scene.placement, result.rasters, atlas.plan.ids)
-    fields = {"digests": digests, "is_complete": True, "texels": result.rasters.total}
-    return {**fields, "seconds": result.seconds}
+    fields = {"digests": digests, "texels": result.rasters.total, "seconds": result.seconds}
+    return fields | describe_completeness([result.provenance])
 
 
 @lru_cache(maxsize=2)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from catalogs.readers.pictures.aerial import Orthophoto
-from facade_core.atlas.rasters import TexelLayout, chart_digests, write_rasters
+from facade_core.atlas.rasters import TexelLayout, chart_digests, describe_completeness, write_rasters
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.provenance import Provenance
 from facade_core.geometry.overhead_view import resample_aerial_to_chart, upward_roof_mask
@@ -65,7 +65,7 @@ def compute_textures(inputs: TextureInputs) -> TexturedCharts:
 
 def write_textures(atlas: Atlas, _unit: object, result: TexturedCharts) -> dict[str, object]:
     """Write the textured charts of a building; returns the fields of their record."""
-    scene, is_complete = atlas.plan.scene, True
+    scene = atlas.plan.scene
     digests: dict[str, str] = {}
     for chart, (rgb, covered) in result.rasters.items():
         seed, evidence = rgb.reshape(-1, 3), covered.reshape(-1)
@@ -73,6 +73,6 @@ def write_textures(atlas: Atlas, _unit: object, result: TexturedCharts) -> dict[
         for name, flat in {"seed": seed, "seed_evidence": evidence}.items():
             write_rasters(atlas.group[f"atlas/{name}"], scene.spec, scene.placement, layout, flat)
         digests |= chart_digests(seed, evidence, scene.placement, layout, atlas.plan.ids)
-        is_complete &= bool((evidence != Provenance.UNSEEN).all())
     rejected = rejection_record_fields(result.refused, "without it")
-    return {"charts": len(result.rasters), "digests": digests, "is_complete": is_complete, **rejected}
+    completeness = describe_completeness(source for _, source in result.rasters.values())
+    return {"charts": len(result.rasters), "digests": digests, **completeness, **rejected}

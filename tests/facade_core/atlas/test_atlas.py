@@ -22,7 +22,7 @@ from facade_core.atlas.journal import (
     unit_key,
     write_record,
 )
-from facade_core.atlas.rasters import TexelLayout, chart_digests, read_rasters, write_rasters
+from facade_core.atlas.rasters import TexelLayout, chart_digests, describe_completeness, read_rasters, write_rasters
 from facade_core.atlas.store import (
     PAGES_PER_MANIFEST,
     commit,
@@ -284,3 +284,14 @@ def test_a_store_with_whole_manifests_goes_on_with_split_ones_and_the_other_way_
         held = open_root(open_repository(tmp_path / "store").readonly_session("main"))["atlas/seed"][:]
         assert held[:, 0].tolist() == list(range(1, count + 1))
         assert (len(_manifests(old)) == 1) == (opened is _whole_manifests or count < PAGES_PER_MANIFEST)
+
+
+def test_only_charts_with_texels_can_be_lost() -> None:
+    nothing, some, all_of_them = np.zeros(3, np.uint8), np.uint8([0, 1, 2]), np.ones(3, np.uint8)
+    assert describe_completeness([nothing, nothing]) == describe_completeness([]) == {}
+    assert (
+        describe_completeness([nothing, some])
+        == describe_completeness([nothing, all_of_them])
+        == {"is_complete": False}
+    )
+    assert describe_completeness([all_of_them, all_of_them > 0]) == {"is_complete": True}

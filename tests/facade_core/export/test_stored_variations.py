@@ -16,7 +16,7 @@ from facade_core.facade.variation.encoding import encode
 
 
 def stored(group: Any, record: dict[str, Any]) -> StoredFacade:
-    return StoredFacade(group, None, 0, record, ())  # type: ignore[arg-type]  # no raster is read
+    return StoredFacade(group, None, 0, record, {})  # type: ignore[arg-type]  # no raster is read
 
 
 def test_a_store_has_the_file_as_it_is() -> None:

@@ -184,30 +184,30 @@ def of_kinds(kind: str) -> Callable[[Inputs], None]:
     return change
 
 
-def facade_of(inputs: Inputs) -> object:
+def build_facade_inputs(inputs: Inputs) -> object:
     plan = inputs.plan()
     facade = plan.facades.id.index("a-0")
     return facade_inputs(inputs.run, plan, facade, inputs.imagery(), ())
 
 
-def pose_of(inputs: Inputs) -> object:
+def build_pose_inputs(inputs: Inputs) -> object:
     plan = replace(inputs.plan(), poses=(inputs.pose,))
     panorama = SimpleNamespace(path=inputs.path("panorama.jpg"), pose=inputs.pose)
     block: Any = SimpleNamespace(panoramas=[panorama], buildings=[])
     return list_pose_units(inputs.run, block, plan, zarr.create_group({}))[0].inputs
 
 
-def bundle_of(inputs: Inputs) -> object:
+def build_bundle_inputs(inputs: Inputs) -> object:
     prior = PriorPose(inputs.pose, TOLD if inputs.rectified else None)
     member = BundlePanorama(inputs.path("panorama.jpg"), inputs.given, prior)
     return bundle_inputs(inputs.run, inputs.plan(), (member, member), (0,))
 
 
-def exemplar_of(inputs: Inputs) -> object:
+def build_exemplar_inputs(inputs: Inputs) -> object:
     return exemplar_inputs(inputs.run, inputs.path("exemplar.png"))
 
 
-def texture_of(inputs: Inputs) -> object:
+def build_texture_inputs(inputs: Inputs) -> object:
     inputs.kinds |= {"carrying"}
     return texture_inputs(inputs.run, inputs.plan(), 0, [inputs.path("own.png")])
 
@@ -220,7 +220,7 @@ NOWHERE: Changes = {name: (of_run(**{name: value}), set()) for name, value in EL
 # Of the inputs of each kind of unit: what is another, how, and the inputs that differ.
 CHANGES: Mapping[str, tuple[Callable[[Inputs], object], Changes]] = {
     "facade": (
-        facade_of,
+        build_facade_inputs,
         {
             "seed": (of_run(seed=2), SEEDS),
             "resolution": (of_run(texels_per_metre=5.0), VIEWS),
@@ -242,7 +242,7 @@ CHANGES: Mapping[str, tuple[Callable[[Inputs], object], Changes]] = {
         | NOWHERE,
     ),
     "pose": (
-        pose_of,
+        build_pose_inputs,
         {
             "resolution": (of_run(texels_per_metre=5.0), {"around"}),
             "seed": (of_run(seed=2), set()),
@@ -254,7 +254,7 @@ CHANGES: Mapping[str, tuple[Callable[[Inputs], object], Changes]] = {
         | NOWHERE,
     ),
     "bundle": (
-        bundle_of,
+        build_bundle_inputs,
         {
             "resolution": (of_run(texels_per_metre=5.0), {"around", "surfaces"}),
             "seed": (of_run(seed=2), set()),
@@ -268,7 +268,7 @@ CHANGES: Mapping[str, tuple[Callable[[Inputs], object], Changes]] = {
         | NOWHERE,
     ),
     "exemplar": (
-        exemplar_of,
+        build_exemplar_inputs,
         {
             "seed": (of_run(seed=2), {"seed"}),
             "storey": (of_run(storey=4.0), {"storey"}),
@@ -280,7 +280,7 @@ CHANGES: Mapping[str, tuple[Callable[[Inputs], object], Changes]] = {
         | NOWHERE,
     ),
     "texture": (
-        texture_of,
+        build_texture_inputs,
         {
             "resolution": (of_run(texels_per_metre=5.0), {"own", "above"}),
             "seed": (of_run(seed=2), set()),
@@ -297,15 +297,15 @@ CHANGES: Mapping[str, tuple[Callable[[Inputs], object], Changes]] = {
 @settings(max_examples=20)
 @given(data=st.data())
 def test_exactly_what_changed_differs(tmp_path_factory: pytest.TempPathFactory, kind: str, data: st.DataObject) -> None:
-    inputs_of, changes = CHANGES[kind]
+    build_inputs, changes = CHANGES[kind]
     chosen = data.draw(st.lists(st.sampled_from(sorted(changes)), unique=True, max_size=4))
     folder = tmp_path_factory.mktemp("pictures")
-    before = digest_inputs(inputs_of(Inputs(folder)))
-    assert digest_inputs(inputs_of(Inputs(folder))) == before
+    before = digest_inputs(build_inputs(Inputs(folder)))
+    assert digest_inputs(build_inputs(Inputs(folder))) == before
     inputs = Inputs(folder)
     for name in chosen:
         changes[name][0](inputs)
-    now = digest_inputs(inputs_of(inputs))
+    now = digest_inputs(build_inputs(inputs))
     expected = {part for name in chosen for part in changes[name][1]}
     if "above" in expected and "from above" not in chosen:
         expected.remove("above")

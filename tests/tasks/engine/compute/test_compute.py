@@ -155,7 +155,7 @@ def make_cluster(client: Any, until: float | None = None, **timeouts: float) -> 
 
 def start_holder(cluster: Cluster, holders: list[int], end: threading.Event) -> threading.Thread:
     def hold() -> None:
-        with cluster.reserve_place():
+        with cluster.reserve_place(0):
             holders.append(1)
             end.wait(300)
 
@@ -194,7 +194,7 @@ def test_sequences_wait_for_a_thread_and_use_a_worker_that_joins() -> None:
 
 def test_a_cluster_without_workers_is_given_up() -> None:
     cluster = make_cluster(FakeClient(), empty=0.2)
-    with pytest.raises(ClusterGoneError, match="no worker left; start some"), cluster.reserve_place():
+    with pytest.raises(ClusterGoneError, match="no worker left; start some"), cluster.reserve_place(0):
         pass
     with pytest.raises(ClusterGoneError, match="no worker left"):
         cluster.submit(square, 1).result()
@@ -204,7 +204,7 @@ def test_a_client_that_lost_its_scheduler_ends_the_run() -> None:
     client = FakeClient(one=(1, 10**9))
     cluster = make_cluster(client)
     client.status = "connecting"
-    with pytest.raises(ClusterGoneError, match="went away; run again"), cluster.reserve_place():
+    with pytest.raises(ClusterGoneError, match="went away; run again"), cluster.reserve_place(0):
         pass
     with pytest.raises(ClusterGoneError, match="went away; run again"):
         cluster.submit(square, 1)
@@ -356,20 +356,25 @@ def test_a_unit_that_kills_its_workers_fails_and_the_rest_goes_on(tmp_path: Path
         assert set(made.submit(threads).result()[0]) == {1}  # on a worker that was started anew
 
 
+def run_python(code: str, folder: Path, **settings: str) -> subprocess.CompletedProcess[str]:
+    """Run code in a process of its own; its output until the last of its processes has ended."""
+    return subprocess.run(
+        [sys.executable, "-c", code, str(folder)],
+        cwd=ROOT,
+        env=environment(folder) | settings,
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+
+
 @pytest.mark.long
 def test_a_run_that_ends_at_once_leaves_nothing_on_stderr(tmp_path: Path) -> None:
     code = (
         "import os, sys; from tasks.engine.compute.connect import connect; at_work = connect(2, None, sys.argv[1]); "
         "at_work.__enter__(); print(os.environ.get('PYTHONWARNINGS'), flush=True); os._exit(130)"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code, str(tmp_path)],
-        cwd=ROOT,
-        env=environment(tmp_path) | {"PYTHONWARNINGS": "default"},
-        capture_output=True,  # until the last of its processes has ended
-        text=True,
-        timeout=300,
-    )
+    done = run_python(code, tmp_path, PYTHONWARNINGS="default")
     assert (done.returncode, done.stdout) == (130, "default\n")
     assert "resource_tracker" not in done.stderr
 
@@ -380,13 +385,23 @@ def test_dask_says_nothing_of_its_own(tmp_path: Path) -> None:
         "import logging, sys; logging.basicConfig(level=logging.INFO); "
         "from tasks.engine.compute.connect import connect; connect(2, None, sys.argv[1]).__enter__()"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code, str(tmp_path)],
-        cwd=ROOT,
-        env=environment(tmp_path),
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=True,
-    )
+    done = run_python(code, tmp_path)
+    assert done.returncode == 0
     assert "distributed." not in done.stderr
+
+
+def test_states_that_do_not_fit_the_workers_together_wait(tmp_path: Path) -> None:
+    held = threading.Event()
+
+    def hold(compute: Cluster) -> None:
+        with compute.reserve_place(1):
+            held.set()
+
+    with connect(2, None, str(tmp_path)) as compute:
+        assert isinstance(compute, Cluster)
+        second = threading.Thread(target=hold, args=(compute,))
+        with compute.reserve_place(10 * compute.memory):  # one alone may have any size
+            second.start()
+            assert not held.wait(1.0)
+        assert held.wait(60.0)
+        second.join()

@@ -11,7 +11,6 @@ import pytest
 
 from catalogs.block.reader import read_block
 from facade_core.atlas.store import create_root, open_repository, open_root
-from facade_core.atlas.stored_files import exemplar_folder
 from facade_core.core.errors import ImageError
 from tasks.engine.run import Run
 from tasks.engine.run_key import create_run
@@ -46,7 +45,7 @@ def process_first(block_file: Path, out: Path) -> tuple[Run, Unit[Any], dict[str
     session = open_repository(out / "store").writable_session("main")
     unit = EXEMPLARS.list_units(run, block, None, None)[0]  # type: ignore[arg-type]
     fork, records = worker.process_exemplar(run, session.fork(), (unit,))
-    group = open_root(fork)[exemplar_folder(unit.name)]
+    group = open_root(fork)[str(dict(records[0])["folder"])]
     return run, unit, dict(records[0]), {name: group[name][:] for name in ("image", "labels", "preview")}
 
 

@@ -179,12 +179,12 @@ def test_units_stay_where_their_charts_do_and_what_no_camera_shows_any_more_is_c
     nothing: dict[str, Any] = {stage: [] for stage in STAGE_NAMES}
     block: Any = Value(panoramas=(), exemplars=())
 
-    def matched(one: Plan, other: Plan) -> tuple[dict[int, int], dict[int, int]]:
+    def match_walls(one: Plan, other: Plan) -> tuple[dict[int, int], dict[int, int]]:
         change: Any = Value(before=one, after=other, block=block, last=_last(one), run=RUN)
         matches, stays = match_units(change, nothing)
         return matches["walls"], stays
 
-    again, stays = matched(before, after)
+    again, stays = match_walls(before, after)
     assert again == {0: 2}
     gone = {chart for building, own in before.walls_near_cameras().items() if building != 2 for chart in own}
     assert not gone & stays.keys()
@@ -192,6 +192,6 @@ def test_units_stay_where_their_charts_do_and_what_no_camera_shows_any_more_is_c
     moved = replace(placement, x=np.where(np.arange(len(placement.x)) == min(gone), placement.x + 64, placement.x))
     other = replace(before, scene=replace(before.scene, placement=moved))
     owner = int(before.scene.charts.building[min(gone)])
-    again, stays = matched(before, other)
+    again, stays = match_walls(before, other)
     assert again == {unit: unit for unit in range(4) if unit != owner}
     assert np.isin(before.walls_near_cameras()[owner], list(stays)).sum() == 0
