@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 from urllib.parse import unquote
@@ -20,38 +20,33 @@ def find_referenced_file(model: Path, *names: str, folder: Path | None = None) -
     Parameters
     ----------
     model : file of the model.
-    names : names of the referenced file in order of preference.
+    names : names or URIs of the referenced file in order of preference.
     folder : base of relative names; None for the folder of the model.
     """
-    return next((file for file in _existing_files(model, names, folder) if _is_below(file, model)), None)
+    files = map(_find_in_any_case, _named_paths(model, names, folder))
+    return next((file for file in files if file is not None and _is_below(file, model)), None)
 
 
-def is_outside_folder(model: Path, *names: str, folder: Path | None = None) -> bool:
-    """Return True where one of the names leads to a file outside the folder of the model.
+def unread_file_reason(model: Path, *names: str, folder: Path | None = None) -> str | None:
+    """Return why something that a model references is not read although it exists; None where nothing exists.
 
     Parameters
     ----------
     model : file of the model.
-    names : names of the referenced file.
+    names : names or URIs of the referenced file.
     folder : base of relative names; None for the folder of the model.
     """
-    return any(not _is_below(file, model) for file in _existing_files(model, names, folder))
+    paths = _named_paths(model, names, folder)
+    if any((file := _find_in_any_case(path)) is not None and not _is_below(file, model) for path in paths):
+        return OUTSIDE_FOLDER_REASON
+    is_other = any(os.path.exists(path) and not os.path.isfile(path) and _is_below(path, model) for path in paths)
+    return NO_FILE_REASON if is_other else None
 
 
-def is_no_file(model: Path, *names: str, folder: Path | None = None) -> bool:
-    """Return True where one of the names leads to a folder, a pipe or a device below the folder of the model."""
-    files = [(folder or model.parent) / name for name in names if name]
-    return any(os.path.exists(file) and not os.path.isfile(file) and _is_below(file, model) for file in files)
-
-
-def filename_variants(uri: str) -> tuple[str, ...]:
-    """Return the possible file names of a URI: as written and unquoted, with forward slashes."""
-    return tuple(dict.fromkeys(name.replace("\\", "/") for name in (uri, unquote(uri))))
-
-
-def _existing_files(model: Path, names: Sequence[str], folder: Path | None) -> Iterator[Path]:
-    files = ((folder or model.parent) / name for name in names if name)
-    return (found for file in files if (found := _find_in_any_case(file)) is not None)
+def _named_paths(model: Path, names: Sequence[str], folder: Path | None) -> list[Path]:
+    """Return the possible paths of names, as written and unquoted, with forward slashes."""
+    variants = dict.fromkeys(text.replace("\\", "/") for name in names if name for text in (name, unquote(name)))
+    return [(folder or model.parent) / name for name in variants]
 
 
 def _find_in_any_case(file: Path) -> Path | None:

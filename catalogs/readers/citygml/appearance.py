@@ -11,14 +11,7 @@ import numpy as np
 
 from catalogs.features import Remark
 from catalogs.readers.citygml.stream import gml_id, parse_numbers
-from catalogs.readers.referenced_files import (
-    NO_FILE_REASON,
-    OUTSIDE_FOLDER_REASON,
-    filename_variants,
-    find_referenced_file,
-    is_no_file,
-    is_outside_folder,
-)
+from catalogs.readers.referenced_files import find_referenced_file, unread_file_reason
 from catalogs.readers.settings import MODELS
 from catalogs.readers.vectors.colours import Colour
 from facade_core.core.arrays import Float64Array
@@ -67,7 +60,7 @@ def add_parameterized_texture(texture: Element, appearance: CityGmlAppearance) -
     appearance.matrix_count += sum(1 for _ in texture.iter("{*}TexCoordGen"))
     uri = (texture.findtext("{*}imageURI") or "").strip()
     if uri not in appearance.pictures:
-        appearance.pictures[uri] = find_referenced_file(appearance.path, *filename_variants(uri))
+        appearance.pictures[uri] = find_referenced_file(appearance.path, uri)
     picture = appearance.pictures[uri]
     if picture is None:
         return
@@ -153,24 +146,14 @@ def appearance_remarks(appearance: CityGmlAppearance) -> list[Remark]:
     """Return the remarks on a file after all its textures were added."""
     file, remarks = appearance.path.name, []
     missing = [uri for uri, picture in appearance.pictures.items() if picture is None]
-    no_files = [uri for uri in missing if is_no_file(appearance.path, *filename_variants(uri))]
-    remarks += [Remark(uri, NO_FILE_REASON, None) for uri in no_files]
-    missing = [uri for uri in missing if uri not in no_files]
-    if missing:
-        text = f"{len(missing)} of {len(appearance.pictures)} of {file}, the first {missing[0]}"
+    unread = {uri: reason for uri in missing if (reason := unread_file_reason(appearance.path, uri))}
+    remarks += [Remark(uri, reason, None) for uri, reason in unread.items()]
+    if absent := [uri for uri in missing if uri not in unread]:
+        text = f"{len(absent)} of {len(appearance.pictures)} of {file}, the first {absent[0]}"
         remarks.append(Remark(text, "texture pictures that are not there, surfaces left untextured", None))
-    remarks += [
-        Remark(uri, OUTSIDE_FOLDER_REASON, None)
-        for uri in missing
-        if is_outside_folder(appearance.path, *filename_variants(uri))
-    ]
-    if appearance.matrix_count:
-        text = f"{appearance.matrix_count} of {file}"
-        remarks.append(Remark(text, "textures placed by a matrix instead of coordinates ignored", None))
-    if appearance.georeferenced_count:
-        text = f"{appearance.georeferenced_count} of {file}"
-        remarks.append(Remark(text, "georeferenced textures ignored; give the picture as imagery.aerial", None))
-    if appearance.unwrapped_count:
-        text = f"{appearance.unwrapped_count} of {file}"
-        remarks.append(Remark(text, "textures whose wrapMode ends the picture inside a surface: repeated there", None))
-    return remarks
+    counts = {
+        "textures placed by a matrix instead of coordinates ignored": appearance.matrix_count,
+        "georeferenced textures ignored; give the picture as imagery.aerial": appearance.georeferenced_count,
+        "textures whose wrapMode ends the picture inside a surface: repeated there": appearance.unwrapped_count,
+    }
+    return remarks + [Remark(f"{count} of {file}", reason, None) for reason, count in counts.items() if count]

@@ -34,14 +34,7 @@ from catalogs.readers.cityjson.values import (
 from catalogs.readers.faces import PlanarFace, newell_normal, triangulate_faces
 from catalogs.readers.json_text import is_json_lines, load_json, parse_json
 from catalogs.readers.material_colours import choose_finish, parse_colour_shares
-from catalogs.readers.referenced_files import (
-    NO_FILE_REASON,
-    OUTSIDE_FOLDER_REASON,
-    filename_variants,
-    find_referenced_file,
-    is_no_file,
-    is_outside_folder,
-)
+from catalogs.readers.referenced_files import find_referenced_file, unread_file_reason
 from catalogs.readers.settings import MODELS
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import GeometryError, InputError
@@ -316,21 +309,19 @@ def _collect_models(reading: _ReaderState) -> BuildingModels:
     used = {int(number) for numbers in shown for number in numbers if number >= 0}
     found: dict[Path, int] = {}
     numbers = np.full(len(reading.pictures) + 1, -1, np.int32)  # index -1 maps to -1
-    missing, refused = 0, []
+    missing = 0
     for image, number in reading.pictures.items():
         if number in used:
-            path = find_referenced_file(reading.path, *filename_variants(image))
-            if path is None and is_outside_folder(reading.path, *filename_variants(image)):
-                refused.append(image)
-            is_pipe = path is None and is_no_file(reading.path, *filename_variants(image))
-            if is_pipe:
-                reading.remarks.append(Remark(image, NO_FILE_REASON, None))
-            missing += path is None and not is_pipe
-            numbers[number] = -1 if path is None else found.setdefault(path, len(found))
+            path = find_referenced_file(reading.path, image)
+            if path is not None:
+                numbers[number] = found.setdefault(path, len(found))
+            elif reason := unread_file_reason(reading.path, image):
+                reading.remarks.append(Remark(image, reason, None))
+            else:
+                missing += 1
     if missing:
         reason = f"files read without {missing} of their {len(used)} texture images, which are missing"
         reading.remarks.append(Remark(reading.path.name, reason, None))
-    reading.remarks += [Remark(image, OUTSIDE_FOLDER_REASON, None) for image in refused]
     reading.remarks += [
         Remark(f"{count} {kind} of {reading.path.name}", "kinds of objects that are no buildings left out", None)
         for kind, count in sorted(reading.other_types.items())

@@ -31,10 +31,8 @@ from catalogs.readers.meshes.up_axis import Z_UP_FROM_Y_UP
 from catalogs.readers.referenced_files import (
     NO_FILE_REASON,
     OUTSIDE_FOLDER_REASON,
-    filename_variants,
     find_referenced_file,
-    is_no_file,
-    is_outside_folder,
+    unread_file_reason,
 )
 from catalogs.readers.settings import LIMITS, MODELS
 from facade_core.core.arrays import Float64Array
@@ -201,15 +199,10 @@ class _SceneReader:
         uri = texture.uri if texture else None
         if uri is None:
             return None
-        variants = filename_variants(uri) if uri else ()
-        picture = find_referenced_file(self.path, *variants) if uri else None
+        picture = find_referenced_file(self.path, uri)
         if picture is None:
-            if uri and is_outside_folder(self.path, *variants):
-                self.note(OUTSIDE_FOLDER_REASON, uri)
-            elif uri and is_no_file(self.path, *variants):
-                self.note(NO_FILE_REASON, uri)
-            else:
-                self.note(_EMBEDDED_REASON, building)
+            reason = unread_file_reason(self.path, uri)
+            self.note(reason or _EMBEDDED_REASON, uri if reason else building)
         elif picture not in self.pictures:
             self.pictures.append(picture)
         return picture
@@ -349,11 +342,10 @@ def _read_buffers(path: Path, header: JsonObject) -> dict[str, bytes]:
     for buffer in header.get("buffers", []):
         uri = buffer.get("uri")
         if isinstance(uri, str) and not uri.startswith("data:"):
-            file = find_referenced_file(path, *filename_variants(uri))
+            file = find_referenced_file(path, uri)
             if file is None:
-                where = (
-                    "lies outside its folder" if is_outside_folder(path, *filename_variants(uri)) else "is not there"
-                )
+                is_outside = unread_file_reason(path, uri) == OUTSIDE_FOLDER_REASON
+                where = "lies outside its folder" if is_outside else "is not there"
                 raise InputError(f"{path}: its buffer {uri} {where}; copy it beside the model")
             found[uri] = read_regular(file, MAX_MODEL_BYTES)
     return found

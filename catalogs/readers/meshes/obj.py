@@ -15,14 +15,7 @@ from catalogs.readers.faces import PlanarFace, triangulate_faces
 from catalogs.readers.material_colours import parse_colour_shares
 from catalogs.readers.meshes.material_options import TexturePlacement, parse_texture_statement
 from catalogs.readers.meshes.surfaces import MeshSurface, is_interior_class, is_surface_name, semantic_from_names
-from catalogs.readers.referenced_files import (
-    NO_FILE_REASON,
-    OUTSIDE_FOLDER_REASON,
-    filename_variants,
-    find_referenced_file,
-    is_no_file,
-    is_outside_folder,
-)
+from catalogs.readers.referenced_files import OUTSIDE_FOLDER_REASON, find_referenced_file, unread_file_reason
 from catalogs.readers.settings import LIMITS
 from catalogs.readers.vectors.colours import Colour
 from facade_core.core.errors import InputError
@@ -244,14 +237,11 @@ def _read_material_libraries(
     colours: dict[str, Colour] = {}
     remarks = []
     for library in libraries:
-        for name in [library] if find_referenced_file(path, *filename_variants(library)) else library.split():
-            file = find_referenced_file(path, *filename_variants(name))
+        for name in [library] if find_referenced_file(path, library) else library.split():
+            file = find_referenced_file(path, name)
             if file is None:
-                where = (
-                    "outside the model's folder: not read"
-                    if is_outside_folder(path, *filename_variants(name))
-                    else "but absent"
-                )
+                is_outside = unread_file_reason(path, name) == OUTSIDE_FOLDER_REASON
+                where = "outside the model's folder: not read" if is_outside else "but absent"
                 remarks.append(Remark(Path(name).name, f"material files named by the model {where}", None))
                 continue
             material = ""
@@ -271,10 +261,7 @@ def _read_material_libraries(
                     found = [name for whole in names for name in (whole, *_ends_of_path(whole))]
                     if picture := find_referenced_file(path, *found, folder=file.parent):
                         pictures[material] = (picture, placement)
-                    elif is_outside_folder(path, *names, folder=file.parent):
-                        remarks.append(Remark(stated, OUTSIDE_FOLDER_REASON, None))
-                    elif is_no_file(path, *names, folder=file.parent):
-                        remarks.append(Remark(stated, NO_FILE_REASON, None))
                     else:
-                        remarks.append(Remark(stated, "pictures named by materials but absent", None))
+                        reason = unread_file_reason(path, *names, folder=file.parent)
+                        remarks.append(Remark(stated, reason or "pictures named by materials but absent", None))
     return pictures, colours, remarks
