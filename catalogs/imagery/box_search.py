@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain
 
 from catalogs.features import Fault
+from catalogs.imagery.http_client import redact_url
 from catalogs.imagery.remote_panorama import LonLatBox, panorama_fault
 from catalogs.imagery.settings import SERVICES
 from facade_core.core.json_types import JsonObject
@@ -31,6 +32,28 @@ def search_boxes_by_quarters(
             continue
         known.add(identifier)
         yield one
+
+
+def join_pages(pages: Iterable[Sequence[JsonObject]], api: str) -> Iterator[JsonObject | Fault]:
+    """Yield the records of the pages of a search, each id once; pages without end stop with a fault.
+
+    Parameters
+    ----------
+    pages : records of each page.
+    api : address of the service.
+    """
+    known: set[str] = set()
+    for number, records in enumerate(pages, 1):
+        fresh = [record for record in records if str(record.get("id")) not in known]
+        if number > SERVICES.max_pages or (records and not fresh):
+            reason = f"there are over {SERVICES.max_pages} pages" if fresh else f"page {number} brings nothing new"
+            yield panorama_fault(
+                redact_url(api),
+                f"pages without end ({reason}); what came before is used: fetch smaller boxes, and tell its service",
+            )
+            return
+        known |= {str(record.get("id")) for record in fresh}
+        yield from fresh
 
 
 def _search_box(

@@ -26,6 +26,9 @@ PARTIAL_FOLDER = ".arriving"
 class FetchedPicture:
     """Picture that was fetched, as its service describes it.
 
+    The attributes are the keys of a line of the log. Folders of pictures outlive versions of the code: on a rename of an
+    attribute its key stays as an alias.
+
     Attributes
     ----------
     source, id : service, and id there.
@@ -55,42 +58,10 @@ class FetchedPicture:
     refused: str | None = None
 
 
-# Keys of a line of the log, and the attributes of `FetchedPicture` that hold their values. Folders of pictures outlive
-# versions of the code: on a rename of an attribute the keys stay.
-FETCH_LOG_KEYS = {
-    "source": "source",
-    "id": "id",
-    "file": "file",
-    "sha256": "sha256",
-    "bytes": "bytes",
-    "lon": "lon",
-    "lat": "lat",
-    "heading": "heading",
-    "z": "z",
-    "pitch": "pitch",
-    "roll": "roll",
-    "captured": "captured",
-    "author": "author",
-    "licence": "licence",
-    "licence_url": "licence_url",
-    "refused": "refused",
-}
 # Keys of a picture in the poses file: its pose, which a block reads, and its author and licence.
 POSES_KEYS = (
-    "lon",
-    "lat",
-    "z",
-    "heading",
-    "pitch",
-    "roll",
-    "captured",
-    "author",
-    "licence",
-    "licence_url",
-    "source",
-    "id",
-    "sha256",
-)
+    "lon", "lat", "z", "heading", "pitch", "roll", "captured", "author", "licence", "licence_url", "source", "id", "sha256",
+)  # fmt: skip
 
 
 @dataclass
@@ -113,7 +84,7 @@ class FetchLog:
 
     def append(self, picture: FetchedPicture) -> None:
         """Append a line, flushed to disk before this returns."""
-        line = json.dumps(_picture_values(picture, FETCH_LOG_KEYS), ensure_ascii=False)
+        line = json.dumps(_picture_values(picture, picture.__dataclass_fields__), ensure_ascii=False)
         with self._lock:
             with (self.folder / FETCH_LOG_NAME).open("a", encoding="utf-8") as file:
                 file.write(f"{line}\n")
@@ -141,8 +112,7 @@ class FetchLog:
 
 def _picture_values(picture: FetchedPicture, keys: Iterable[str]) -> dict[str, object]:
     """Return the values of a picture by key; a value that is None has no key."""
-    values = {key: getattr(picture, FETCH_LOG_KEYS[key]) for key in keys}
-    return {key: value for key, value in values.items() if value is not None}
+    return {key: value for key in keys if (value := getattr(picture, key)) is not None}
 
 
 def has_fetch_log(folder: Path) -> bool:
@@ -178,8 +148,7 @@ def _parse_lines(path: Path, text: bytes) -> Iterator[FetchedPicture]:
     lines = TypeAdapter(FetchedPicture)
     for number, line in enumerate(text.splitlines(), 1):
         try:
-            values = parse_json_object(line, f"{path}: line {number}")
-            kept = lines.validate_python({FETCH_LOG_KEYS.get(key, key): value for key, value in values.items()})
+            kept = lines.validate_python(parse_json_object(line, f"{path}: line {number}"))
         except (ValueError, AttributeError) as error:
             raise InputError(f"{path}: line {number} is no account of a picture; remove that line") from error
         if kept.file != Path(kept.file).name:

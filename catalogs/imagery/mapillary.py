@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from urllib.parse import parse_qsl, urlencode, urlsplit, urlunsplit
 
 from catalogs.features import Fault
-from catalogs.imagery.box_search import search_boxes_by_quarters
+from catalogs.imagery.box_search import join_pages, search_boxes_by_quarters
 from catalogs.imagery.http_client import HttpClient, RequestRejectedError, redact_url
 from catalogs.imagery.remote_panorama import (
     LonLatBox,
@@ -47,7 +47,7 @@ def search_mapillary(client: HttpClient, api: str, query: PanoramaQuery) -> Iter
     if client.token is None:
         raise InputError("Mapillary wants a token: set STREETLOOM_IMAGERY_TOKEN to one of your own account's (MLY|...)")
     for record in search_boxes_by_quarters(
-        _split_box(query.box), lambda box: _search_pages(client, api, box, query.dates)
+        _split_box(query.box), lambda box: join_pages(_search_pages(client, api, box, query.dates), api)
     ):
         found = record if isinstance(record, Fault) else _parse_record(record)
         if found is not None:
@@ -71,9 +71,11 @@ def _split_box(box: LonLatBox) -> Iterator[LonLatBox]:
             )
 
 
-def _search_pages(client: HttpClient, api: str, box: LonLatBox, dates: str | None) -> Iterator[JsonObject | Fault]:
+def _search_pages(client: HttpClient, api: str, box: LonLatBox, dates: str | None) -> Iterator[list[JsonObject]]:
+    """Yield the records of each page of a search."""
     first, last = _time_span(dates)
-    asked = {
+    url = f"{api.rstrip('/')}/images"
+    params: Mapping[str, str] | None = {
         "bbox": ",".join(f"{value:.7f}" for value in box),
         "is_pano": "true",
         "fields": ",".join(FIELDS),
@@ -81,20 +83,10 @@ def _search_pages(client: HttpClient, api: str, box: LonLatBox, dates: str | Non
         **({"start_captured_at": first} if first else {}),
         **({"end_captured_at": last} if last else {}),
     }
-    url, known, page = f"{api.rstrip('/')}/images", set[str](), 0
-    params: Mapping[str, str] | None = asked
     while url:
-        page += 1
         content = _parse_answer(client.fetch_text(url, params=params), api)
         records = [one for one in content["data"] if isinstance(one, dict)]
-        fresh = [one for one in records if str(one.get("id")) not in known]
-        if page > SERVICES.max_mapillary_pages or (records and not fresh):
-            yield panorama_fault(
-                redact_url(api), f"pages without end (page {page} brings nothing new); what came before is used"
-            )
-            return
-        known |= {str(one.get("id")) for one in fresh}
-        yield from fresh
+        yield records
         paging = content.get("paging")
         following = paging.get("next") if isinstance(paging, Mapping) and records else None
         url, params = _strip_token(following) if isinstance(following, str) else "", None

@@ -73,18 +73,19 @@ def resolve_service(source: str, poses: Path | None = None) -> ImageryService:
 
 def stac_service(api: str) -> ImageryService:
     """Return the service of a STAC API at an address."""
-    web = HttpClient(_read_token(api, "Bearer"))
-    return ImageryService(
-        redact_url(api), partial(search_stac, web, api), lambda offer, path: web.download(offer.url, path)
-    )
+    return _web_service(api, "Bearer", search_stac)
 
 
 def mapillary_service(api: str) -> ImageryService:
     """Return the service of Mapillary's Graph API at an address."""
-    web = HttpClient(_read_token(api, "OAuth"))
-    return ImageryService(
-        redact_url(api), partial(search_mapillary, web, api), lambda offer, path: web.download(offer.url, path)
-    )
+    return _web_service(api, "OAuth", search_mapillary)
+
+
+def _web_service(
+    api: str, token_kind: str, search: Callable[[HttpClient, str, PanoramaQuery], Iterator[RemotePanorama | Fault]]
+) -> ImageryService:
+    web = HttpClient(_read_token(api, token_kind))
+    return ImageryService(redact_url(api), partial(search, web, api), lambda offer, path: web.download(offer.url, path))
 
 
 def _read_token(api: str, kind: str) -> ServiceToken | None:

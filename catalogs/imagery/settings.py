@@ -27,10 +27,9 @@ class ServiceLimits:
     max_wait_s : If a service demands a longer pause, the run ends; another run resumes.
     max_redirects : redirects of a request.
     max_pictures_per_page : limit of the API of Mapillary.
-    max_mapillary_pages : pages of a search.
     max_box_side_deg : The API accepts boxes of up to 0.01 square degrees.
     stac_page_size : Items of a page.
-    max_stac_pages : Pages of a search; larger results need a smaller box.
+    max_pages : Pages of a search; larger results need a smaller box.
     """
 
     limit_multiple: int = 100
@@ -47,10 +46,9 @@ class ServiceLimits:
     max_wait_s: float = 300.0
     max_redirects: int = 5
     max_pictures_per_page: int = 2000
-    max_mapillary_pages: int = 100
     max_box_side_deg: float = 0.05
     stac_page_size: int = 1000
-    max_stac_pages: int = 100
+    max_pages: int = 100
 
 
 SERVICES = ServiceLimits()

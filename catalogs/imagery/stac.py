@@ -11,7 +11,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from catalogs.features import Fault
-from catalogs.imagery.box_search import search_boxes_by_quarters
+from catalogs.imagery.box_search import join_pages, search_boxes_by_quarters
 from catalogs.imagery.http_client import HttpClient, RequestRejectedError, redact_url
 from catalogs.imagery.remote_panorama import (
     FULL_TURN_DEG,
@@ -67,30 +67,15 @@ def search_stac(client: HttpClient, api: str, query: PanoramaQuery) -> Iterator[
 
 
 def _box_search(client: Client, dates: str | None) -> Callable[[LonLatBox], Iterator[JsonObject | Fault]]:
-    """Return a function that searches a box page by page; endless paging ends with a fault."""
+    """Return a function that searches a box page by page."""
 
     def search(box: LonLatBox) -> Iterator[JsonObject | Fault]:
-        known: set[str] = set()
         # GET: services differ in their answers to POST
         pages = client.search(
             method="GET", bbox=list(box), datetime=dates, limit=SERVICES.stac_page_size
         ).pages_as_dicts()
-        for number_of_page, page in enumerate(pages, 1):
-            items = [item for item in page.get("features") or () if isinstance(item, dict)]
-            fresh = [item for item in items if str(item.get("id")) not in known]
-            if number_of_page > SERVICES.max_stac_pages or (items and not fresh):
-                reason = (
-                    f"page {number_of_page} brings nothing new"
-                    if not fresh
-                    else f"there are over {SERVICES.max_stac_pages} pages"
-                )
-                yield panorama_fault(
-                    redact_url(client.get_self_href() or ""),
-                    f"pages without end ({reason}); what came before is used: fetch smaller boxes, and tell its service",
-                )
-                return
-            known |= {str(item.get("id")) for item in fresh}
-            yield from fresh
+        items = ([item for item in page.get("features") or () if isinstance(item, dict)] for page in pages)
+        return join_pages(items, client.get_self_href() or "")
 
     return search
 

@@ -24,95 +24,36 @@ BuildingReader: TypeAlias = Callable[..., Footprints | BuildingModels]
 CentrelineReader: TypeAlias = Callable[..., CentrelinesAndGround]
 _MODULES_WITH_KEYS = ("vectors.vector_files", "json_files", "meshes.models")
 
+_VECTOR_SUFFIXES = (".gpkg", ".geojson", ".parquet", ".geoparquet", ".shp", ".fgb")
 # Suffix -> module and function; modules are imported on first use.
 BUILDING_READERS: Mapping[str, tuple[str, str]] = {
     ".pbf": ("vectors.osm", "read_osm_footprints"),
     ".json": ("json_files", "read_json_buildings"),
     ".jsonl": ("cityjson.buildings", "read_cityjson"),
-    ".gml": ("citygml.buildings", "read_citygml"),
-    ".xml": ("citygml.buildings", "read_citygml"),
-    ".gml.gz": ("citygml.buildings", "read_citygml"),
-    ".obj": ("meshes.models", "read_mesh_buildings"),
-    ".glb": ("meshes.models", "read_mesh_buildings"),
-    ".gltf": ("meshes.models", "read_mesh_buildings"),
-    ".ply": ("meshes.models", "read_mesh_buildings"),
-    ".npz": ("meshes.models", "read_mesh_buildings"),
-    ".gpkg": ("vectors.vector_files", "read_vector_footprints"),
-    ".geojson": ("vectors.vector_files", "read_vector_footprints"),
-    ".parquet": ("vectors.vector_files", "read_vector_footprints"),
-    ".geoparquet": ("vectors.vector_files", "read_vector_footprints"),
-    ".shp": ("vectors.vector_files", "read_vector_footprints"),
-    ".fgb": ("vectors.vector_files", "read_vector_footprints"),
+    **dict.fromkeys((".gml", ".xml", ".gml.gz"), ("citygml.buildings", "read_citygml")),
+    **dict.fromkeys((".obj", ".glb", ".gltf", ".ply", ".npz"), ("meshes.models", "read_mesh_buildings")),
+    **dict.fromkeys(_VECTOR_SUFFIXES, ("vectors.vector_files", "read_vector_footprints")),
 }
 CENTRELINE_READERS: Mapping[str, tuple[str, str]] = {
     ".pbf": ("vectors.osm", "read_osm_centrelines"),
     ".graphml": ("vectors.graphml", "read_graphml_centrelines"),
-    ".gpkg": ("vectors.vector_files", "read_vector_centrelines"),
-    ".geojson": ("vectors.vector_files", "read_vector_centrelines"),
-    ".json": ("vectors.vector_files", "read_vector_centrelines"),
-    ".parquet": ("vectors.vector_files", "read_vector_centrelines"),
-    ".geoparquet": ("vectors.vector_files", "read_vector_centrelines"),
-    ".shp": ("vectors.vector_files", "read_vector_centrelines"),
-    ".fgb": ("vectors.vector_files", "read_vector_centrelines"),
-}
-# Suffixes of common files that are not read, and the remedy.
-_REMEDIES: Mapping[tuple[str, ...], str] = {
-    (".zip", ".7z", ".gz", ".kmz", ".shz", ".rar"): "unpack it and name the file inside",
-    (".osm", ".o5m", ".bz2"): "convert it with osmium cat IN -o OUT.osm.pbf",
-    (
-        ".csv",
-        ".tsv",
-        ".txt",
-        ".xlsx",
-    ): "convert a table with WKT by ogr2ogr -oo GEOM_POSSIBLE_NAMES=WKT -a_srs EPSG:n OUT.gpkg IN",
-    (
-        ".kml",
-        ".gpx",
-        ".tab",
-        ".mif",
-        ".dxf",
-        ".geojsonl",
-        ".geojsons",
-        ".topojson",
-        ".gdb",
-        ".sqlite",
-    ): "convert it with ogr2ogr OUT.gpkg IN",
-    (".citygml",): "rename it to .gml",
-    (
-        ".fbx",
-        ".dae",
-        ".blend",
-        ".skp",
-        ".3ds",
-        ".max",
-        ".usd",
-        ".usdz",
-        ".stl",
-        ".dwg",
-    ): "export it as OBJ or glTF, in metres",
-    (".ifc", ".rvt"): "convert it with IfcConvert IN OUT.obj, in metres",
-    (
-        ".b3dm",
-        ".i3dm",
-        ".cmpt",
-        ".pnts",
-    ): "a tile counts from the centre of the Earth: give the model that it was made of",
-    (
-        ".las",
-        ".laz",
-        ".e57",
-        ".xyz",
-    ): "points hold no walls: give outlines, and heights by a raster (buildings.heights)",
+    **dict.fromkeys((*_VECTOR_SUFFIXES, ".json"), ("vectors.vector_files", "read_vector_centrelines")),
 }
 GROUND_READERS: Mapping[str, tuple[str, str]] = {
     ".pbf": ("vectors.osm", "read_osm_centrelines"),
-    ".gpkg": ("vectors.vector_files", "read_vector_ground"),
-    ".geojson": ("vectors.vector_files", "read_vector_ground"),
-    ".json": ("vectors.vector_files", "read_vector_ground"),
-    ".parquet": ("vectors.vector_files", "read_vector_ground"),
-    ".geoparquet": ("vectors.vector_files", "read_vector_ground"),
-    ".shp": ("vectors.vector_files", "read_vector_ground"),
-    ".fgb": ("vectors.vector_files", "read_vector_ground"),
+    **dict.fromkeys((*_VECTOR_SUFFIXES, ".json"), ("vectors.vector_files", "read_vector_ground")),
+}
+# Suffixes of common files that are not read, and the remedy.
+_REMEDIES: Mapping[str, str] = {
+    ".zip .7z .gz .kmz .shz .rar": "unpack it and name the file inside",
+    ".osm .o5m .bz2": "convert it with osmium cat IN -o OUT.osm.pbf",
+    ".csv .tsv .txt .xlsx": "convert a table with WKT by ogr2ogr -oo GEOM_POSSIBLE_NAMES=WKT -a_srs EPSG:n OUT.gpkg IN",
+    ".kml .gpx .tab .mif .dxf .geojsonl .geojsons .topojson .gdb .sqlite": "convert it with ogr2ogr OUT.gpkg IN",
+    ".citygml": "rename it to .gml",
+    ".fbx .dae .blend .skp .3ds .max .usd .usdz .stl .dwg": "export it as OBJ or glTF, in metres",
+    ".ifc .rvt": "convert it with IfcConvert IN OUT.obj, in metres",
+    ".b3dm .i3dm .cmpt .pnts": "a tile counts from the centre of the Earth: give the model that it was made of",
+    ".las .laz .e57 .xyz": "points hold no walls: give outlines, and heights by a raster (buildings.heights)",
 }
 
 
@@ -185,7 +126,8 @@ def _find_reader(
     found = next((readers[suffix] for suffix in sorted(readers, key=len, reverse=True) if name.endswith(suffix)), None)
     if found is None:
         supported = ", ".join(sorted(readers))
-        remedy = next((f"{text}; " for suffixes, text in _REMEDIES.items() if path.suffix.lower() in suffixes), "")
+        kind = path.suffix.lower()
+        remedy = next((f"{text}; " for suffixes, text in _REMEDIES.items() if kind in suffixes.split()), "")
         raise InputError(
             f"{path}: files of type {path.suffix or '(none)'} are not read; {remedy}supported: {supported}"
         )

@@ -21,7 +21,7 @@ from catalogs.block.part import CityPart
 from catalogs.block.reader import Block, city_part_file_values
 from catalogs.block.value_encoding import VALUE_TYPES, DigestEncoder
 from catalogs.features import Fault
-from catalogs.imagery.fetch_log import FETCH_LOG_KEYS, FetchedPicture, read_fetch_log
+from catalogs.imagery.fetch_log import read_fetch_log
 from catalogs.readers.pictures.aerial import Orthophoto
 from catalogs.readers.pictures.materials import MaterialPicture
 from catalogs.readers.pictures.panoramas import PosedPanorama
@@ -167,7 +167,6 @@ def test_the_keys_of_a_line_of_fetched_pictures_are_pinned(tmp_path: Path) -> No
 
 def test_every_key_of_a_line_is_a_field() -> None:
     assert set(LINE_KEYS.values()) == {field.name for field in fields(Correction)}
-    assert set(FETCH_LOG_KEYS.values()) == {field.name for field in fields(FetchedPicture)}
 
 
 def test_every_class_that_a_block_reaches_is_encoded() -> None:
