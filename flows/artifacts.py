@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+from functools import partial
 from pathlib import Path
 from threading import Event, Thread
 from typing import cast
@@ -28,7 +29,10 @@ from catalogs.printable_text import format_command, format_count
 from catalogs.published.folders import Folder
 from catalogs.published.s3 import folder_at
 from facade_core.core.json_types import JsonObject
+from flows.log_file import forward_log_to_prefect
 from flows.markdown import escape_markdown, escape_row, markdown_code
+from flows.run_entry import HeldRun
+from flows.submission import is_recorded
 from flows.viewer import VIEWER_HOST, VIEWER_PORT
 from tasks.city.city_log import BlockResult, CityLog
 from tasks.engine.commands import DEADLINE_EXIT_CODE
@@ -80,6 +84,21 @@ def _ignore_server_errors() -> Iterator[None]:
         yield
     except Exception as error:  # clients raise many types where a server has ended, is full, or is not Prefect
         log.warning("the Prefect server's record of this run is incomplete: %s", " ".join(str(error).split()))
+
+
+@contextmanager
+def record_block(entry: HeldRun) -> Iterator[Callable[[JsonObject], None]]:
+    """Record the run of a block in Prefect: its log, progress and links; yields a function that records its outcome.
+
+    Outside a flow run there is no record.
+    """
+    if not is_recorded():
+        yield lambda summary: None
+        return
+    with forward_log_to_prefect():
+        publish_viewer_link(entry.run)
+        with nullcontext() if entry.summary is not None else track_progress(entry.block.name):
+            yield partial(publish_outcome, entry.run)
 
 
 @contextmanager

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -25,12 +25,11 @@ from catalogs.published.folders import Folder, local_run_folder
 from catalogs.published.s3 import folder_at
 from facade_core.core.errors import TooManyFailuresError
 from facade_core.core.json_types import JsonObject
-from flows.artifacts import describe_failure_count, publish_outcome, publish_viewer_link, track_progress
+from flows.artifacts import describe_failure_count, record_block
 from flows.console import print_status
 from flows.lock import lock_folder
-from flows.log_file import forward_log_to_prefect
 from flows.run_entry import HeldRun, handle_store_and_machine_faults, open_run
-from flows.submission import Submit, TaskFuture, queue_end, submit_to_pool, submit_to_prefect
+from flows.submission import Submit, TaskFuture, queue_end, submit_tasks
 from tasks.engine.compute.connect import Compute, connect
 from tasks.engine.compute.distributed_map import map_on_workers
 from tasks.engine.fan_out import BATCHES_AT_ONCE, make_batches, process_batch
@@ -103,26 +102,49 @@ def city_block(
     -------
     summary : counts, failures and outputs of the run; in a `Completed` state where units failed.
     """
-    folder = folder_at(out or Path("out") / (block_file.stem if block_file else "demo"))
-    with lock_folder(folder):
-        source = block_file or write_demo(local_run_folder(folder) / "input")
-        with open_run(source, folder, notify=print_status) as entry, forward_log_to_prefect():
-            publish_viewer_link(entry.run)
-            if entry.summary is None:
-                with track_progress(entry.block.name):
-                    entry.summary = _texture_block(
-                        entry, workers, dask, only, _deadline_clock(deadline), submit_to_prefect
-                    )
-            summary = entry.summary
-            if keep is not None:
-                for line in prune_snapshots_or_explain(folder, keep):
-                    print_status(line)
-            publish_outcome(entry.run, summary)
+    summary = texture_block(block_file, out, workers, dask, only, deadline, keep)
     if "withheld" in summary:
         raise TooManyFailuresError(summary["withheld"])
     if summary["failures"]:
         # not Failed: all else is published, and a retry would change nothing
         return Completed(name="UnitsFailed", message=describe_failure_count(summary), data=summary)
+    return summary
+
+
+def texture_block(
+    block_file: Path | None = None,
+    out: str | Folder | None = None,
+    workers: int = 2,
+    dask: str | None = None,
+    only: str | None = None,
+    deadline: float | None = None,
+    keep: int | None = None,
+) -> JsonObject:
+    """Texture a block; Prefect records it inside a flow run. Continues where this process has begun.
+
+    Parameters
+    ----------
+    block_file, out, workers, dask, only, deadline, keep : as of `city_block`.
+
+    Returns
+    -------
+    summary : counts, failures and outputs of the run.
+    """
+    folder = folder_at(out or Path("out") / (block_file.stem if block_file else "demo"))
+    with lock_folder(folder):
+        source = block_file or write_demo(local_run_folder(folder) / "input")
+        with (
+            open_run(source, folder, notify=print_status) as entry,
+            record_block(entry) as record,
+            submit_tasks(MAX_CONCURRENT_TASKS) as submit,
+        ):
+            if entry.summary is None:
+                entry.summary = _texture_block(entry, workers, dask, only, _deadline_clock(deadline), submit)
+            summary = entry.summary
+            if keep is not None:
+                for line in prune_snapshots_or_explain(folder, keep):
+                    print_status(line)
+            record(summary)
     return summary
 
 
@@ -133,30 +155,6 @@ def _deadline_clock(deadline: float | None) -> float | None:
     started: datetime = flow_run.scheduled_start_time
     elapsed = datetime.now(UTC) - started
     return time.monotonic() + deadline * 3600 - elapsed.total_seconds()
-
-
-def run_block_without_server(
-    block_file: Path, out: Folder, workers: int = 2, dask: str | None = None, only: str | None = None
-) -> JsonObject:
-    """Run `city_block` without a Prefect server and its record.
-
-    In a process whose `city_block` lost the server, continues from there.
-
-    Parameters
-    ----------
-    block_file : the block.
-    out : folder of the results.
-    workers, dask, only : as of `city_block`.
-
-    Returns
-    -------
-    summary : as of `city_block`.
-    """
-    with open_run(block_file, out, notify=print_status) as entry:
-        if entry.summary is None:
-            with ThreadPoolExecutor(MAX_CONCURRENT_TASKS, thread_name_prefix="tasks") as pool:
-                entry.summary = _texture_block(entry, workers, dask, only, None, submit_to_pool(pool))
-        return entry.summary
 
 
 def _texture_block(

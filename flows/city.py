@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
-from datetime import datetime
 from pathlib import Path
 from queue import Empty, SimpleQueue
 
@@ -30,7 +28,7 @@ from flows.lock import lock_folder, require_lock
 from flows.markdown import escape_markdown
 from flows.output_folder import check_output_folder
 from flows.step_reporter import report_steps
-from flows.submission import Submit, TaskFuture, queue_end, submit_to_pool, submit_to_prefect
+from flows.submission import TaskFuture, is_recorded, queue_end, submit_tasks
 from tasks.city.block_process import run_block
 from tasks.city.city_log import (
     BlockResult,
@@ -92,11 +90,7 @@ def city(
     -------
     summary : counts, failures and outputs of the run; in a `Completed` state where blocks failed or are left.
     """
-    asked = CityOptions(workers, dask, at_once, until, keep, tiles)
-    since = flow_run.scheduled_start_time.astimezone().replace(tzinfo=None)
-    summary = _run_city(
-        city_file, folder_at(out or Path("out") / city_file.stem), asked, since, submit_to_prefect, publish_block_table
-    )
+    summary = texture_city(city_file, out, CityOptions(workers, dask, at_once, until, keep, tiles))
     if summary["failures"] or summary["left"]:
         counts = f"{summary['blocks_done']} of {summary['blocks']} blocks are done; {len(summary['left'])} are left"
         failed = "; ".join(f"{failure['unit']}: {failure['reason']}" for failure in summary["failures"][:3])
@@ -104,24 +98,25 @@ def city(
     return summary
 
 
-def run_city_without_server(city_file: Path, out: Folder, options: CityOptions) -> JsonObject:
-    """Run `city` without a Prefect server and its record."""
-    with ThreadPoolExecutor(MAX_CONCURRENT_BLOCKS, thread_name_prefix="blocks") as pool:
-        return _run_city(city_file, out, options, datetime.now(), submit_to_pool(pool), lambda account: None)
+def texture_city(city_file: Path, out: str | Folder | None, options: CityOptions) -> JsonObject:
+    """Texture a city; Prefect records it inside a flow run.
 
+    Parameters
+    ----------
+    city_file, out : as of `city`.
+    options : its other parameters.
 
-def _run_city(
-    city_file: Path,
-    out: Folder,
-    options: CityOptions,
-    scheduled: datetime,
-    submit: Submit,
-    show: Callable[[CityLog], None],
-) -> JsonObject:
+    Returns
+    -------
+    summary : counts, failures and outputs of the run.
+    """
+    out = folder_at(out or Path("out") / city_file.stem)
+    scheduled = flow_run.scheduled_start_time.astimezone().replace(tzinfo=None)
     started = time.monotonic()
     check_output_folder(out)
     ends = None if options.until is None else next_time_of_day(options.until, scheduled).timestamp()
     with lock_folder(out), ExitStack() as cleanup:
+        submit = cleanup.enter_context(submit_tasks(MAX_CONCURRENT_BLOCKS))
         with report_steps() as notify:
             account, files = load_or_partition_city(city_file, out, notify)
         due = account.pending_blocks(out, tiles=options.tiles)
@@ -160,9 +155,9 @@ def _run_city(
             progress.end_block(name, account)
             print_status(f"block {name}: {_describe_block_outcome(outcome)}; {len(waiting) + len(running)} to go")
             if time.monotonic() >= next_update:
-                account, took = _write_city_products(out, account, show)
+                account, took = _write_city_products(out, account)
                 next_update = time.monotonic() + took / MAX_PRODUCT_TIME_SHARE
-        account, _ = _write_city_products(out, account, show)
+        account, _ = _write_city_products(out, account)
         left = [name for name in account.blocks if name in waiting or account.blocks[name].code == DEADLINE_EXIT_CODE]
         summary = account.summary(out) | {"blocks_skipped": len(account.blocks) - len(due), "left": left}
         summary["seconds"] = round(time.monotonic() - started, 2)
@@ -216,13 +211,14 @@ def _next_result(
             print_status(progress.describe())
 
 
-def _write_city_products(out: Folder, account: CityLog, show: Callable[[CityLog], None]) -> tuple[CityLog, float]:
+def _write_city_products(out: Folder, account: CityLog) -> tuple[CityLog, float]:
     """Report the blocks' state; write the city's products unless they match the newest snapshots.
 
     Returns the account with the snapshots of the products, and the seconds that this took.
     """
     started = time.monotonic()
-    show(account)
+    if is_recorded():
+        publish_block_table(account)
     require_lock(out)
     if account.over != (snapshots := account.products_digest()) and write_city_products(
         out, list(account.blocks), print_status

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from queue import SimpleQueue
 from typing import Protocol, TypeVar
 
 from prefect import Task
+from prefect.context import FlowRunContext
 
 K = TypeVar("K")
 R = TypeVar("R")
@@ -37,15 +39,21 @@ def queue_end(ended: SimpleQueue[tuple[K, TaskFuture[R]]], key: K, future: TaskF
     future.add_done_callback(lambda done: ended.put((key, done)))
 
 
-def submit_to_prefect(task: Task[..., R], *arguments: object, name: str | None = None) -> TaskFuture[R]:
-    """Start a task that Prefect records."""
-    return (task.with_options(name=name) if name else task).submit(*arguments)
+def is_recorded() -> bool:
+    """Return whether this is a flow run, of which Prefect keeps a record."""
+    return FlowRunContext.get() is not None
 
 
-def submit_to_pool(pool: ThreadPoolExecutor) -> Submit:
-    """Return a function that starts tasks in a pool, without a record."""
+@contextmanager
+def submit_tasks(threads: int) -> Iterator[Submit]:
+    """Yield a function that starts tasks: recorded by Prefect in a flow run, else as functions in a pool.
 
-    def submit(task: Task[..., R], *arguments: object, name: str | None = None) -> TaskFuture[R]:
-        return pool.submit(task.fn, *arguments)
-
-    return submit
+    Parameters
+    ----------
+    threads : number of tasks of the pool at a time.
+    """
+    if is_recorded():
+        yield lambda task, *arguments, name=None: (task.with_options(name=name) if name else task).submit(*arguments)
+        return
+    with ThreadPoolExecutor(threads, thread_name_prefix="tasks") as pool:
+        yield lambda task, *arguments, name=None: pool.submit(task.fn, *arguments)

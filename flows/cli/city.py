@@ -152,16 +152,16 @@ def _run_city_recorded(city_file: Path, out: Folder, options: CityOptions) -> Js
     with report_steps() as notify:
         log, _ = load_or_partition_city(city_file, out, notify)
     if not log.pending_blocks(out, tiles=options.tiles):
-        from flows.city import run_city_without_server
+        from flows.city import texture_city
 
-        return run_city_without_server(city_file, out, options)
+        return texture_city(city_file, out, options)
     with provide_prefect_server(local_run_folder(out) / "prefect") as record:
         from flows.city import city as recorded
-        from flows.city import run_city_without_server
+        from flows.city import texture_city
 
         try:
             record.wait_until_ready()
         except ServerDownError as error:
             print_notice(f"no Prefect server ({error}); the run continues without it and has no record there")
-            return run_city_without_server(city_file, out, options)
+            return texture_city(city_file, out, options)
         return cast("JsonObject", recorded(city_file, str(out), **asdict(options)))

@@ -258,7 +258,7 @@ def _texture_recorded(block_file: Path, out: Folder, workers: int, dask: str | N
     with provide_prefect_server(local_run_folder(out) / "prefect") as record:
         from flows.block import (  # the import takes seconds, during which the server starts
             city_block,
-            run_block_without_server,
+            texture_block,
         )
 
         try:
@@ -277,7 +277,7 @@ def _texture_recorded(block_file: Path, out: Folder, workers: int, dask: str | N
                 f"the Prefect server was lost ({record.describe_failure()}); the run continues without it, and its record "
                 "there is incomplete"
             )
-        return run_block_without_server(block_file, out, workers=workers, dask=dask, only=only)
+        return texture_block(block_file, out, workers=workers, dask=dask, only=only)
 
 
 def _redo_street(run: Run, street: str, only: bool) -> None:

@@ -51,9 +51,9 @@ from pathlib import Path
 from catalogs.published.s3 import folder_at
 import facade_core.export.pictures.views
 facade_core.export.pictures.views.VIEW_SIZE = {VIEW_SIZE}
-from flows.block import run_block_without_server
+from flows.block import texture_block
 if __name__ == "__main__":
-    print(json.dumps(run_block_without_server(Path(sys.argv[1]), folder_at(sys.argv[2]), workers=int(sys.argv[3]))))
+    print(json.dumps(texture_block(Path(sys.argv[1]), folder_at(sys.argv[2]), workers=int(sys.argv[3]))))
 """
 
 pytestmark = [pytest.mark.long, pytest.mark.timeout(2400)]

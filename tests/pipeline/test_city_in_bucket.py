@@ -25,8 +25,8 @@ from catalogs.published.s3 import S3Path, folder_at
 from catalogs.query.execution import query
 from facade_core.core.errors import InputError
 from flows import city as flows_of_cities
-from flows.block import run_block_without_server
-from flows.city import run_city_without_server
+from flows.block import texture_block
+from flows.city import texture_city
 from flows.city_options import CityOptions
 from flows.cli.commands import command_line
 from flows.lock import is_locked
@@ -53,7 +53,7 @@ def run_in_process(arguments: Sequence[str], ends: float | None, errors: Path) -
     """What the command line does with some arguments, here."""
     if arguments[0] == "run":
         try:
-            summary = run_block_without_server(Path(arguments[1]), folder_at(arguments[3]), workers=1)
+            summary = texture_block(Path(arguments[1]), folder_at(arguments[3]), workers=1)
         except InputError as error:
             return CommandResult(2, str(error), "", 0.0)
         return CommandResult(0, "", json.dumps(summary, default=str), 0.0)
@@ -62,7 +62,7 @@ def run_in_process(arguments: Sequence[str], ends: float | None, errors: Path) -
 
 
 def textured(file: Path, out: Folder, **asked: Any) -> dict[str, Any]:
-    return run_city_without_server(file, out, CityOptions(workers=1, at_once=1, **asked))
+    return texture_city(file, out, CityOptions(workers=1, at_once=1, **asked))
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from flows.block import run_block_without_server
+from flows.block import texture_block
 from tests.pipeline.stages import digests_of, sooner, write_block
 
 pytestmark = pytest.mark.long
@@ -24,7 +24,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, tuple[str, di
     """A block file, and the digests of its atlas."""
     folder = tmp_path_factory.mktemp("whole")
     block = write_block(folder / "in")
-    run_block_without_server(block, folder / "out", workers=1)
+    texture_block(block, folder / "out", workers=1)
     return block, digests_of(folder / "out")
 
 
@@ -34,9 +34,9 @@ def test_streets_that_were_done_before_those_that_they_wait_for_are_done_again(
 ) -> None:
     block, wanted = whole
     for only in order:
-        run_block_without_server(block, tmp_path / "out", workers=1, only=only)
+        texture_block(block, tmp_path / "out", workers=1, only=only)
     assert digests_of(tmp_path / "out") != wanted, "a street was done without those that it reads"
-    run_block_without_server(block, tmp_path / "out", workers=1)
+    texture_block(block, tmp_path / "out", workers=1)
     assert digests_of(tmp_path / "out") == wanted
-    summary = run_block_without_server(block, tmp_path / "out", workers=1)
+    summary = texture_block(block, tmp_path / "out", workers=1)
     assert summary["units_done"] == 0
