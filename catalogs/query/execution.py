@@ -17,11 +17,10 @@ from catalogs.published.merged_items import MergedItemsFile, read_merged_items_h
 from catalogs.published.runs import PublishedRun, find_runs
 from catalogs.published.s3 import S3Path, folder_at, translate_bucket_errors
 from catalogs.published.snapshot import current_snapshot
-from catalogs.query.where import build_checked_select, condition_error, parse_since
+from catalogs.query.where import explain_refusal, filter_rows, parse_since, quote_name
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
-    import duckdb
     import pandas as pd
     import pyarrow as pa
     from pyarrow.dataset import Dataset
@@ -36,7 +35,7 @@ _DUCKDB_SETTINGS: dict[str, str | bool | int | float | list[str]] = {
 def query(
     out: Folder | str,
     *,
-    where: str | None = None,
+    where: str | Sequence[str] | None = None,
     bbox: Sequence[float] | None = None,
     since: str | None = None,
     on_left_out: Callable[[str], None] | None = None,
@@ -46,7 +45,7 @@ def query(
     Parameters
     ----------
     out : folder of a run or of runs; may be s3://bucket/prefix.
-    where : boolean SQL expression over the columns.
+    where : boolean SQL expressions over the columns, of which all must hold.
     bbox : (west, south, east, north) in degrees; selects facades that touch it.
     since : selects units updated then or later; see catalogs.query.where.parse_since.
     on_left_out : called with one line for each run that is left out.
@@ -87,14 +86,13 @@ def query(
         connection.execute("SET enable_external_access = false")
         connection.execute("SET lock_configuration = true")
         connection.execute(f"CREATE TEMP VIEW items AS {' UNION ALL '.join(parts)}")
-        if where is None:
-            return _to_pandas(_run_sql(connection, "FROM items", schema))
-        text = build_checked_select(connection, "items", where, schema.names)
+        rows, conditions = connection.sql("FROM items"), [where] if isinstance(where, str) else where or ()
+        for condition in conditions:
+            rows = filter_rows(connection, rows, condition)
         try:
-            return _to_pandas(_run_sql(connection, text, schema))
+            return _to_pandas(rows.to_arrow_table().select(schema.names).cast(schema))
         except duckdb.Error as error:
-            problem = str(error).splitlines()[0].partition(": ")[2].partition(" You might")[0]
-            raise condition_error(where, problem, "compare each column with a value of its type") from error
+            raise explain_refusal(" AND ".join(conditions), error, schema.names) from error
 
 
 def _parse_box(bbox: Sequence[float] | None) -> list[float]:
@@ -229,7 +227,7 @@ def _filtered_dataset(path: S3Path, columns: pa.Schema, box: Sequence[float], st
 def _column_sql(name: str, run: PublishedRun[Folder] | None, columns: pa.Schema) -> str:
     if name == "run" and run is not None:
         return f"{_quote_text(run.name)} AS run"
-    return _quote_name(name) if name in columns.names else f"NULL AS {_quote_name(name)}"
+    return quote_name(name) if name in columns.names else f"NULL AS {quote_name(name)}"
 
 
 def _parquet_sql(path: Path) -> str:
@@ -241,16 +239,8 @@ def _glob_pattern(path: Path) -> str:
     return re.sub(r"([\[*?])", r"[\1]", str(path.resolve()))
 
 
-def _quote_name(column: str) -> str:
-    return '"' + column.replace('"', '""') + '"'
-
-
 def _quote_text(value: str) -> str:
     return "'" + value.replace("'", "''") + "'"
-
-
-def _run_sql(connection: duckdb.DuckDBPyConnection, text: str, schema: pa.Schema) -> pa.Table:
-    return connection.sql(text).to_arrow_table().select(schema.names).cast(schema)
 
 
 def _to_pandas(table: pa.Table) -> pd.DataFrame:
