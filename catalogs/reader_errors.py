@@ -86,7 +86,7 @@ def to_single_line(text: str) -> str:
 
 
 @contextmanager
-def wrap_reader_errors(path: Path, kind: str, remedy: str) -> Iterator[None]:
+def wrap_reader_errors(path: Path, problem: str, remedy: str) -> Iterator[None]:
     """Raise errors of parsers as InputError.
 
     Errors of the project and of the machine pass unchanged.
@@ -94,7 +94,7 @@ def wrap_reader_errors(path: Path, kind: str, remedy: str) -> Iterator[None]:
     Parameters
     ----------
     path : file that the wrapped block reads.
-    kind : format of the file in the message "is not a valid `kind`".
+    problem : what the message says of the file, such as "is not a valid .obj file".
     remedy : advice to the user at the end of the message.
 
     Raises
@@ -114,7 +114,7 @@ def wrap_reader_errors(path: Path, kind: str, remedy: str) -> Iterator[None]:
             raise InputError(f"{path} claims to hold more than memory can; {remedy}") from None
         if isinstance(error, OSError) and error.strerror and error.filename is not None:
             raise InputError(f"{path} cannot be read ({error.strerror}); check its permissions") from error
-        raise InputError(f"{path} is not a valid {kind} ({short_message(error)}); {remedy}") from error
+        raise InputError(f"{path} {problem} ({short_message(error)}); {remedy}") from error
 
 
 def fault_reason(error: Exception, remedy: str = "mend or remove it") -> str:

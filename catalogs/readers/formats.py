@@ -74,7 +74,7 @@ def read_buildings(
         For an unknown suffix or a broken file.
     """
     reader, options = _find_reader(path, BUILDING_READERS, keys)
-    with wrap_reader_errors(path, f"{path.suffix} file", "export it again"):
+    with wrap_reader_errors(path, f"is not a valid {path.suffix} file", "export it again"):
         found = cast(BuildingReader, reader)(path, lod, *options)
         return reject_implausible_items(_use_frame_unit(found, path, keys), path)
 
@@ -90,7 +90,7 @@ def read_centrelines(path: Path, keys: SourceKeys = NO_SOURCE_KEYS) -> Centrelin
         For an unknown suffix or a broken file.
     """
     reader, options = _find_reader(path, CENTRELINE_READERS, keys)
-    with wrap_reader_errors(path, f"{path.suffix} file", "export it again"):
+    with wrap_reader_errors(path, f"is not a valid {path.suffix} file", "export it again"):
         return reject_implausible_items(cast(CentrelineReader, reader)(path, *options), path)
 
 
@@ -103,7 +103,7 @@ def read_ground_features(path: Path, keys: SourceKeys = NO_SOURCE_KEYS) -> Centr
         For an unknown suffix or a broken file.
     """
     reader, options = _find_reader(path, GROUND_READERS, keys)
-    with wrap_reader_errors(path, f"{path.suffix} file", "export it again"):
+    with wrap_reader_errors(path, f"is not a valid {path.suffix} file", "export it again"):
         return cast(CentrelineReader, reader)(path, *options)
 
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from catalogs.features import Remark
-from catalogs.reader_errors import is_system_error, short_message
+from catalogs.reader_errors import wrap_reader_errors
 from catalogs.readers.meshes.gltf_materials import (
     BaseColourTexture,
     base_colour,
@@ -84,16 +84,10 @@ def read_gltf_surfaces(path: Path) -> tuple[list[MeshSurface], tuple[Path, ...],
     InputError
         Where the file is no glTF with triangles.
     """
-    try:
+    with wrap_reader_errors(path, "cannot be read as glTF 2", "export it again"):
         header, rest = _split_header(path)
         check_extensions(path, header)
         return _read_scene(path, header, rest)
-    except InputError:
-        raise
-    except Exception as error:  # trimesh raises errors of any class
-        if is_system_error(error):
-            raise
-        raise InputError(f"{path} cannot be read as glTF 2 ({short_message(error)}); export it again") from error
 
 
 def _read_scene(

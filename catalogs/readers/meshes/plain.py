@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from catalogs.features import Remark
-from catalogs.reader_errors import is_system_error, short_message
+from catalogs.reader_errors import wrap_reader_errors
 from catalogs.readers.meshes.surfaces import MeshSurface
 from catalogs.readers.settings import MODELS
 from facade_core.core.arrays import Float64Array, Int64Array, UInt8Array
-from facade_core.core.errors import InputError
 from facade_core.core.regular_files import MAX_MODEL_BYTES, read_regular
 
 if TYPE_CHECKING:
@@ -39,15 +38,11 @@ def read_plain_mesh(path: Path) -> tuple[list[MeshSurface], list[Remark]]:
     """
     import trimesh
 
-    try:
+    with wrap_reader_errors(path, "cannot be read as a mesh", "export it again"):
         # no path, or trimesh opens referenced pictures anywhere
         content, kind = io.BytesIO(read_regular(path, MAX_MODEL_BYTES)), path.suffix.lower()[1:]
         scene = trimesh.load(content, file_type=kind, force="scene", process=False)
         assert isinstance(scene, trimesh.Scene)
-    except Exception as error:  # trimesh raises errors of any class
-        if is_system_error(error):
-            raise
-        raise InputError(f"{path} cannot be read as a mesh ({short_message(error)}); export it again") from error
     meshes = [mesh for mesh in scene.geometry.values() if isinstance(mesh, trimesh.Trimesh)]
     surfaces = [surface for mesh in meshes for surface in _split_by_colour(mesh)]
     reasons = dict.fromkeys(reason for mesh in meshes if (reason := _unread_colours(mesh)))

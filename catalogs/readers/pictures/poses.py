@@ -11,7 +11,7 @@ from pathlib import Path
 from catalogs.crs import LONLAT, has_east_north_axes, parse_crs
 from catalogs.features import Remark
 from catalogs.printable_text import short_repr
-from catalogs.reader_errors import is_system_error, short_message, to_single_line
+from catalogs.reader_errors import short_message, to_single_line, wrap_reader_errors
 from catalogs.readers.pictures.pose_fields import (
     FIELD_NAMES,
     find_empty_fields,
@@ -71,15 +71,11 @@ def read_poses_file(path: Path) -> PosesFile:
         For a file of another format.
     """
     text = _read_text(path)
-    try:
+    with wrap_reader_errors(path, "is not a poses file", f"give {_FORMAT_HINT}"):
         if text.lstrip().startswith(("{", "[")):
             stated_crs, records = json_records(json.loads(text, object_pairs_hook=_reject_duplicate_keys))
         else:
             stated_crs, records = None, list(csv_records(text))
-    except Exception as error:  # libraries raise errors of any class
-        if is_system_error(error):
-            raise
-        raise InputError(f"{path} is not a poses file ({short_message(error)}); give {_FORMAT_HINT}") from error
     crs = _check_crs(path, stated_crs)
     stated = {name: record for name, record in records if isinstance(record, dict)}
     empty = find_empty_fields(path.name, stated)

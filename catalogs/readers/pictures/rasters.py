@@ -62,7 +62,7 @@ def open_raster(path: Path, driver: str, kind: str, remedy: str) -> Iterator[Dat
     from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
     _check_sidecar(path)
-    with wrap_reader_errors(path, kind.partition(" ")[2], remedy):
+    with wrap_reader_errors(path, f"is not a valid {kind.partition(' ')[2]}", remedy):
         try:
             with warnings.catch_warnings(), _silence_unraisable():
                 warnings.simplefilter("ignore", NotGeoreferencedWarning)  # rejected below with a remedy

@@ -13,7 +13,7 @@ import shapely
 from shapely import LineString
 
 from catalogs.features import CentrelinesAndGround, Fault, GroundFeature
-from catalogs.reader_errors import is_system_error, short_message
+from catalogs.reader_errors import wrap_reader_errors
 from catalogs.readers.vectors.centrelines import build_centrelines
 from catalogs.readers.vectors.osm import is_street, split_osmnx_values
 from facade_core.core.errors import InputError
@@ -72,19 +72,14 @@ def _load_graph(path: Path) -> networkx.Graph:
     import networkx
     from defusedxml import DefusedXmlException, ElementTree
 
-    try:
-        ElementTree.parse(str(path), forbid_dtd=True)  # networkx's own parser expands entities
+    with wrap_reader_errors(path, "cannot be read as GraphML", "write it with osmnx.save_graphml"):
+        try:
+            ElementTree.parse(str(path), forbid_dtd=True)  # networkx's own parser expands entities
+        except DefusedXmlException as error:
+            raise InputError(
+                f"{path} declares XML entities or a document type; write it with osmnx.save_graphml"
+            ) from error
         return networkx.read_graphml(path)
-    except DefusedXmlException as error:
-        raise InputError(
-            f"{path} declares XML entities or a document type; write it with osmnx.save_graphml"
-        ) from error
-    except Exception as error:  # networkx raises errors of any class
-        if is_system_error(error):
-            raise
-        raise InputError(
-            f"{path} cannot be read as GraphML ({short_message(error)}); write it with osmnx.save_graphml"
-        ) from error
 
 
 def _attribute_texts(attributes: Mapping[str, object]) -> dict[str, str]:

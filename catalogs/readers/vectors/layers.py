@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -16,7 +15,7 @@ import shapely
 
 from catalogs.crs import LONLAT, metres_per_height_unit
 from catalogs.features import Remark
-from catalogs.reader_errors import is_system_error, short_message
+from catalogs.reader_errors import wrap_reader_errors
 from catalogs.readers import gdal_files
 from catalogs.readers.gdal_files import check_vector_file
 from catalogs.readers.settings import LIMITS, VECTORS
@@ -97,7 +96,7 @@ def read_layer_features(
     InputError
         Where the file cannot be read or holds nothing of that kind.
     """
-    with _wrap_library_errors(path):
+    with wrap_reader_errors(path, "cannot be read", "export it again, e.g. as GeoPackage"):
         _check_file(path)
         if path.suffix.lower() in _PARQUET_SUFFIXES:
             layer, others = path.stem, list[str]()
@@ -126,7 +125,7 @@ def read_matching_layers(
     InputError
         Where the file cannot be read.
     """
-    with _wrap_library_errors(path):
+    with wrap_reader_errors(path, "cannot be read", "export it again, e.g. as GeoPackage"):
         _check_file(path)
         if path.suffix.lower() in _PARQUET_SUFFIXES:
             return [_read_table(path, path.stem, (), keys)]
@@ -196,21 +195,6 @@ def _scale_heights(geometries: ObjectArray, unit: float) -> ObjectArray | None:
     solid = shapely.has_z(geometries)
     scaled[solid] = shapely.transform(geometries[solid], lambda xyz: xyz * (1.0, 1.0, unit), include_z=True)
     return scaled
-
-
-@contextmanager
-def _wrap_library_errors(path: Path) -> Iterator[None]:
-    """Raise errors of GDAL, Arrow and GEOS as InputError."""
-    try:
-        yield
-    except InputError:
-        raise
-    except Exception as error:
-        if is_system_error(error):
-            raise
-        raise InputError(
-            f"{path} cannot be read ({short_message(error)}); export it again, e.g. as GeoPackage"
-        ) from error
 
 
 def _check_file(path: Path) -> None:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from catalogs.crs import LONLAT
 from catalogs.features import CentrelinesAndGround, Fault, Footprint, Footprints, GroundFeature, Remark
-from catalogs.reader_errors import fault_reason, is_system_error, short_message
+from catalogs.reader_errors import fault_reason, wrap_reader_errors
 from catalogs.readers.settings import VECTORS
 from catalogs.readers.vectors.centrelines import build_centrelines, finite_points, is_building_passage
 from catalogs.readers.vectors.colours import parse_building_finish
@@ -253,13 +253,9 @@ def _read_features(
             raise InputError(f"{path} is not an OSM .pbf file; export the area again as .osm.pbf")
     from pyrosm import OSM
 
-    try:
+    with wrap_reader_errors(path, "cannot be read as OSM .pbf", "download it again"):
         osm = OSM(str(path), progress=False)
         frames = [layer(osm) for layer in layers]
-    except Exception as error:  # pyrosm raises errors of zlib, struct, protobuf and its own
-        if is_system_error(error):
-            raise
-        raise InputError(f"{path} cannot be read as OSM .pbf ({short_message(error)}); download it again") from error
     for frame in frames:
         if frame is None:
             continue

@@ -13,7 +13,7 @@ from pyproj import CRS, Transformer
 
 from catalogs.crs import EARTH_RADIUS_M, LONLAT, has_east_north_axes, parse_crs
 from catalogs.features import Fault, Remark
-from catalogs.reader_errors import fault_reason, is_system_error, short_message, to_single_line
+from catalogs.reader_errors import fault_reason, to_single_line, wrap_reader_errors
 from catalogs.readers.json_text import parse_json
 from catalogs.readers.pictures.camera_angles import camera_angles
 from catalogs.readers.pictures.cameras.camera_file import CameraFile, SourceCamera, picture_name
@@ -143,7 +143,7 @@ def _read_camera_file(path: Path, crs: str | None) -> CameraFile:
     content = read_regular(path, CAMERAS.max_file_bytes)
     if path.suffix.lower() == ".xml" or content[:200].lstrip(b"\xef\xbb\xbf \r\n\t").startswith(b"<"):
         return read_metashape(path.name, content)
-    try:
+    with wrap_reader_errors(path, "is no file of cameras", f"give {_FORMATS}"):
         text = content.decode("utf-8-sig")
         if text.lstrip().startswith(("{", "[")):
             value = parse_json(content, str(path))
@@ -153,12 +153,6 @@ def _read_camera_file(path: Path, crs: str | None) -> CameraFile:
                 raise ValueError("its JSON is no reconstruction")
             return read_opensfm(path.name, parts)
         return read_camera_table(path.name, text, crs)
-    except InputError:
-        raise
-    except Exception as error:  # libraries raise errors of any class
-        if is_system_error(error):
-            raise
-        raise InputError(f"{path} is no file of cameras ({short_message(error)}); give {_FORMATS}") from error
 
 
 def _match(file: CameraFile, paths: Sequence[Path], faults: list[Fault]) -> tuple[dict[Path, SourceCamera], list[str]]:
