@@ -6,7 +6,6 @@ import math
 import re
 
 from catalogs.crs import LONLAT
-from catalogs.printable_text import short_repr
 from catalogs.reader_errors import short_message, to_single_line
 from catalogs.readers.pictures.cameras.camera_file import (
     CameraFile,
@@ -17,8 +16,10 @@ from catalogs.readers.pictures.cameras.camera_file import (
     rotation_from_heading,
     rotation_from_omega_phi_kappa,
 )
+from catalogs.readers.pictures.capture_dates import DIAGONAL_35MM
 from catalogs.readers.pictures.pose_fields import read_field
 from catalogs.readers.pictures.pose_records import PoseRecord, csv_records
+from catalogs.readers.pictures.source_poses import finite_number
 from catalogs.readers.settings import CAMERAS
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
@@ -34,8 +35,6 @@ _FOCAL_NAMES = {
     "35mm": ("focal_35mm", "focal_length_35mm", "focal_length_in_35mm", "f35"),
 }
 _COEFFICIENTS = ("k1", "k2", "k3", "p1", "p2")
-# Diagonal of a frame of 35 mm film, and the least focal length in pixels: a smaller one is in millimetres.
-_DIAGONAL_35MM = math.hypot(36, 24)
 _HINT = "give file, x, y, z (or lon, lat), omega, phi, kappa (or heading, pitch, roll) and focal_px"
 
 
@@ -80,7 +79,7 @@ def _camera(record: PoseRecord, crs: str | None) -> tuple[SourceCamera, bool]:
     """Return the camera of a row, and whether its position is longitude and latitude."""
     if isinstance(record, Exception):
         raise record
-    value = {key: _number(read_field(record, key, crs), key) for key in ("x", "y", "z", "lon", "lat")}
+    value = {key: finite_number(read_field(record, key, crs), key) for key in ("x", "y", "z", "lon", "lat")}
     uses_lonlat = value["x"] is None or value["y"] is None
     east, north = (value["lon"], value["lat"]) if uses_lonlat else (value["x"], value["y"])
     if east is None or north is None:
@@ -94,7 +93,7 @@ def _rotation(record: JsonObject, crs: str | None) -> Float64Array:
     angles = {found[1]: (found[2] or "", record[key]) for key in record if (found := _ANGLE.match(key.strip().lower()))}
     if len(angles) == 3:
         return rotation_from_omega_phi_kappa(*(_angle(which, *angles[which]) for which in ("omega", "phi", "kappa")))
-    heading, pitch, roll = (_number(read_field(record, key, crs), key) for key in ("heading", "pitch", "roll"))
+    heading, pitch, roll = (finite_number(read_field(record, key, crs), key) for key in ("heading", "pitch", "roll"))
     if heading is None or pitch is None:
         raise ValueError("neither omega, phi and kappa nor heading and pitch are given")
     roll = roll or 0.0
@@ -107,7 +106,7 @@ def _rotation(record: JsonObject, crs: str | None) -> Float64Array:
 
 
 def _angle(name: str, unit: str, value: object) -> float:
-    turn = _number(value, name)
+    turn = finite_number(value or None, name)
     if turn is None:
         raise ValueError(f"{name} is empty")
     degrees = turn * _DEGREES.get(unit[:3], 1.0)
@@ -121,7 +120,7 @@ def _lens(record: JsonObject) -> LensOfSize:
     plain = {str(key).strip().lower().replace(" ", "_"): content for key, content in record.items() if content != ""}
 
     def value(name: str) -> float | None:
-        return _number(plain.get(name), name)
+        return finite_number(plain.get(name), name)
 
     unit, focal = next(
         ((unit, value(name)) for unit, names in _FOCAL_NAMES.items() for name in names if plain.get(name) is not None),
@@ -144,22 +143,9 @@ def _lens(record: JsonObject) -> LensOfSize:
         if unit == "mm":
             pixels = focal / (sensor or 1.0) * width
         elif unit == "35mm":
-            pixels = focal / _DIAGONAL_35MM * math.hypot(width, height)
+            pixels = focal / DIAGONAL_35MM * math.hypot(width, height)
         centre = (width / 2 if cx is None else cx, height / 2 if cy is None else cy)
         radial = (k1, k2, k3) if k1 or k2 or k3 else ()
         return check_lens(Lens((width, height), (pixels, pixels), centre, radial, (), (p1, p2)))
 
     return lens_of_size
-
-
-def _number(value: object, key: str) -> float | None:
-    """Return a finite number, None for an empty cell."""
-    if value is None or value == "":
-        return None
-    try:
-        number = float(str(value))
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number):
-        raise ValueError(f"{key} is {short_repr(value)}, not a finite number")
-    return number
