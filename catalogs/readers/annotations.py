@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from catalogs.features import safe_file_stem
-from catalogs.reader_errors import short_message
+from catalogs.reader_errors import short_message, wrap_reader_errors
 from catalogs.readers import gdal_files
 from catalogs.readers.json_text import load_json, parse_json_object
 from facade_core.core.errors import InputError
@@ -96,7 +96,7 @@ def _read_file(path: Path, facades: dict[str, str]) -> list[Annotation]:
         return [annotation for file in files for annotation in read_correction_annotations(file, facades)]
     if path.suffix.lower() == ".gpkg":
         return _read_geopackage(path)
-    try:
+    with wrap_reader_errors(path, "cannot be understood", "export it again"):
         if path.suffix.lower() == ".jsonl":
             lines = enumerate(read_regular(path).split(b"\n"), 1)
             documents = (parse_json_object(line, f"{path}: line {number}") for number, line in lines if line.strip())
@@ -104,17 +104,6 @@ def _read_file(path: Path, facades: dict[str, str]) -> list[Annotation]:
         document = load_json(path, MAX_TEXT_BYTES)
         if isinstance(document, dict) and (found := _parse_document(document, facades, str(path))) is not None:
             return found
-    except (
-        KeyError,
-        TypeError,
-        ValueError,
-        IndexError,
-        ArithmeticError,
-        AttributeError,
-        OSError,
-        RecursionError,
-    ) as error:
-        raise InputError(f"{path} cannot be understood ({short_message(error)}); export it again") from error
     raise InputError(
         f'{path} is neither COCO nor LabelMe nor CityJSON, nor {{"corrections": [...]}}; catalogs/README.md shows each'
     )
@@ -198,7 +187,7 @@ def _read_geopackage(path: Path) -> list[Annotation]:
     facade_columns = {IS_FACADE_COLUMN: "facade"}
     found: list[Annotation] = []
     known = False
-    try:
+    with wrap_reader_errors(path, "cannot be read", "give one that `export --format gpkg` wrote"):
         layers = {name for name, _ in gdal_files.list_layers(path)}
         for layer, names in (("buildings", GEOPACKAGE_COLUMNS), ("facades", facade_columns)):
             if layer not in layers:
@@ -213,12 +202,6 @@ def _read_geopackage(path: Path) -> list[Annotation]:
                     cells[IS_FACADE_COLUMN] = bool(cells[IS_FACADE_COLUMN])
                 id = cells.get("id")
                 found += _building_annotations("" if id is None else str(id), cells, names)
-    except InputError:
-        raise
-    except Exception as error:
-        raise InputError(
-            f"{path} cannot be read ({short_message(error)}); give one that `export --format gpkg` wrote"
-        ) from error
     if not known:
         raise InputError(
             f"{path} has no table buildings with id and {', '.join(GEOPACKAGE_COLUMNS)}, nor facades with "

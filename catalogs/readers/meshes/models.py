@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,7 +10,7 @@ import numpy as np
 
 from catalogs.crs import parse_crs
 from catalogs.features import BuildingModel, BuildingModels, Fault, Remark
-from catalogs.reader_errors import short_message
+from catalogs.reader_errors import wrap_reader_errors
 from catalogs.readers.meshes.gltf import read_gltf_surfaces
 from catalogs.readers.meshes.header_comments import read_header_comments
 from catalogs.readers.meshes.npz import check_npz_arrays
@@ -109,17 +108,13 @@ def _read_npz(path: Path) -> tuple[list[MeshSurface], str | None]:
     wanted = "triangles (n, 3, 3), feature (n,) of integers and, if needed, origin (3,) and epsg"
     names = ("triangles", "feature", "origin", "epsg")
     check_npz_arrays(path, names)
-    try:
+    with wrap_reader_errors(path, "cannot be read as arrays of triangles", f"give {wanted}"):
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in names if name in file}
         triangles = np.asarray(arrays["triangles"])
         feature = np.asarray(arrays["feature"])
         origin = np.asarray(arrays.get("origin", np.zeros(3)), np.float64)
         crs = f"EPSG:{int(arrays['epsg'])}" if "epsg" in arrays else None
-    except (OSError, EOFError, KeyError, ValueError, TypeError, AttributeError, zipfile.BadZipFile) as error:
-        raise InputError(
-            f"{path} cannot be read as arrays of triangles ({short_message(error)}); give {wanted}"
-        ) from error
     if triangles.size > 9 * LIMITS.max_triangles:
         raise InputError(f"{path} holds over {LIMITS.max_triangles} triangles; cut out the block that is meant")
     fits = triangles.ndim == 3 and triangles.shape[1:] == (3, 3) and triangles.dtype.kind in "fiu"

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from catalogs.reader_errors import short_message, to_single_line
+from catalogs.reader_errors import short_message, to_single_line, wrap_reader_errors
 from catalogs.readers.pictures.cameras.camera_file import (
     CameraFile,
     SourceCamera,
@@ -47,20 +47,20 @@ def read_colmap(path: Path) -> CameraFile:
         if not file.is_file():
             raise InputError(f"{file} is missing; a COLMAP model has cameras{suffix} and images{suffix} in one folder")
     is_text = suffix == ".txt"
-    try:
-        with open_regular(files[0], CAMERAS.max_cameras_bytes) as stream:
-            lenses = dict(_text_lenses(stream) if is_text else _binary_lenses(stream))
-    except (ValueError, struct.error, IndexError, OverflowError) as error:
-        raise InputError(f"{files[0]} is not COLMAP's ({short_message(error)}); export the model again") from error
+    with (
+        wrap_reader_errors(files[0], "is not COLMAP's", "export the model again"),
+        open_regular(files[0], CAMERAS.max_cameras_bytes) as stream,
+    ):
+        lenses = dict(_text_lenses(stream) if is_text else _binary_lenses(stream))
     cameras: dict[str, SourceCamera | str] = {}
-    try:
-        with open_regular(files[1], CAMERAS.max_images_bytes) as stream:
-            for _, values, camera, name in _text_images(stream) if is_text else _binary_images(stream):
-                if len(cameras) >= CAMERAS.max_images:
-                    raise ValueError(f"it has more than {CAMERAS.max_images} pictures")
-                cameras[name] = _camera(files[1].name, name, values, lenses.get(camera, "its camera is not listed"))
-    except (ValueError, struct.error, IndexError, OverflowError) as error:
-        raise InputError(f"{files[1]} is not COLMAP's ({short_message(error)}); export the model again") from error
+    with (
+        wrap_reader_errors(files[1], "is not COLMAP's", "export the model again"),
+        open_regular(files[1], CAMERAS.max_images_bytes) as stream,
+    ):
+        for _, values, camera, name in _text_images(stream) if is_text else _binary_images(stream):
+            if len(cameras) >= CAMERAS.max_images:
+                raise ValueError(f"it has more than {CAMERAS.max_images} pictures")
+            cameras[name] = _camera(files[1].name, name, values, lenses.get(camera, "its camera is not listed"))
     return CameraFile(files[1].name, cameras, is_local=True)
 
 
