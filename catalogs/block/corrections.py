@@ -11,7 +11,7 @@ import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal, TypeAlias, overload
@@ -67,16 +67,7 @@ class Correction:
 
 # Keys of a line of the file, and the attributes of `Correction` that hold their values. Users keep these files: on a rename
 # of an attribute the keys stay.
-LINE_KEYS = {
-    "id": "id",
-    "what": "kind",
-    "value": "value",
-    "place": "place",
-    "width": "width",
-    "who": "who",
-    "when": "when",
-    "why": "why",
-}
+LINE_KEYS = {"what" if one.name == "kind" else one.name: one.name for one in fields(Correction)}
 
 
 @dataclass(frozen=True)
@@ -245,7 +236,7 @@ def _line_values(correction: Correction) -> JsonObject:
 
 
 def _append_lines(path: Path, added: str) -> None:
-    with _lock_folder(path.parent):
+    with lock_folder(path.parent):
         text = read_regular(path).decode("utf-8-sig") if path.exists() else ""
         if text and not text.endswith("\n"):  # edited by hand
             text += "\n"
@@ -255,7 +246,7 @@ def _append_lines(path: Path, added: str) -> None:
 
 
 @contextmanager
-def _lock_folder(folder: Path) -> Iterator[None]:
+def lock_folder(folder: Path) -> Iterator[None]:
     """Hold an exclusive lock on a folder, so that concurrent additions are not lost."""
     handle = os.open(folder, os.O_RDONLY)
     try:

@@ -11,11 +11,10 @@ import numpy as np
 import shapely
 from shapely import LineString
 
-from catalogs.crs import coordinate_transform
+from catalogs.block.streets import project_lines
 from catalogs.features import CentrelinesAndGround, natural_sort_key
 from catalogs.readers.vectors.centrelines import is_building_passage
 from catalogs.readers.vectors.lengths import parse_length
-from facade_core.core.arrays import ObjectArray
 from facade_core.core.types import GroundArea, GroundWay, MappedGround
 
 if TYPE_CHECKING:
@@ -111,7 +110,10 @@ def build_block_ground(
     street: dict[str, str] = {}
     areas: list[GroundArea] = []
     nodes: list[tuple[str, shapely.Point]] = []
-    placed = [pair for source in sources for pair in zip(source.ground, _project_features(source, crs), strict=True)]
+    placed = []
+    for source in sources:
+        geometries = project_lines([feature.geometry for feature in source.ground], source.crs, crs)
+        placed += list(zip(source.ground, geometries, strict=True))
     placed.sort(key=lambda pair: (natural_sort_key(pair[0].id), shapely.to_wkb(pair[0].geometry) or b""))
     seen: Counter[str] = Counter()
     for feature, geometry in placed:
@@ -261,16 +263,6 @@ def _node_crossing(id: str, node: shapely.Point, roads: Sequence[GroundWay]) -> 
     east, north = float(east * reach), float(north * reach)
     across = LineString([(node.x - north, node.y + east), (node.x + north, node.y - east)])
     return GroundWay(id, across, "crossing", 3.0, "asphalt") if across.length > 0 else None
-
-
-def _project_features(source: CentrelinesAndGround, crs: CRS) -> ObjectArray:
-    stated = np.empty(len(source.ground), dtype=object)
-    stated[:] = [feature.geometry for feature in source.ground]
-    flat: ObjectArray = shapely.force_2d(stated)
-    if source.crs is None:
-        return flat
-    projected: ObjectArray = shapely.transform(flat, coordinate_transform(source.crs, crs), interleaved=False)
-    return projected
 
 
 def _is_hidden(tags: Mapping[str, str]) -> bool:

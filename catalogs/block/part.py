@@ -50,15 +50,17 @@ class CityPart:
 
 @dataclass(frozen=True)
 class CityPartIds:
-    """Ids of a city's buildings and street segments that belong to one block.
+    """Ids of a city's buildings and street segments that belong to one block, in the city's order.
 
     Attributes
     ----------
+    name : name of the block.
     buildings, streets : the block's own.
     halo_buildings, halo_streets : those around it.
     distant_buildings : buildings whose exemplar must be chosen before one of the block's own.
     """
 
+    name: str
     buildings: tuple[str, ...]
     streets: tuple[str, ...]
     halo_buildings: tuple[str, ...] = ()

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import shapely
 
+from catalogs.block.part import CityPartIds
 from facade_core.core.types import Building, Street
 
 # Radius of the halo: twice the default visibility range, plus the reach of ground features.
@@ -23,24 +23,6 @@ SHADOW_HALO_M = 160.0
 PANORAMA_HALO_M = 210.0
 
 GridCell = tuple[int, int]
-
-
-@dataclass(frozen=True)
-class CityBlockIds:
-    """Ids of the buildings and streets of one block of a partitioned city, in the city's order.
-
-    Attributes
-    ----------
-    name : name of the block.
-    buildings, streets : its own buildings and street segments.
-    halo_buildings, halo_streets : those around it.
-    """
-
-    name: str
-    buildings: tuple[str, ...]
-    streets: tuple[str, ...]
-    halo_buildings: tuple[str, ...]
-    halo_streets: tuple[str, ...]
 
 
 def halo_radius(*, sun: bool, panoramas: bool, visibility_range: float) -> float:
@@ -55,7 +37,7 @@ def halo_radius(*, sun: bool, panoramas: bool, visibility_range: float) -> float
 
 def partition_city(
     buildings: Sequence[Building], segments: Sequence[Street], *, block_size: float, halo: float
-) -> tuple[CityBlockIds, ...]:
+) -> tuple[CityPartIds, ...]:
     """Partition a city into grid cells whose borders follow the nearest streets.
 
     All buildings inside a face of the street network belong to the cell that holds the face. A segment belongs to the
@@ -88,7 +70,7 @@ def partition_city(
         nearby_buildings = np.setdiff1d(around.query(contents, predicate="dwithin", distance=halo)[1], core)
         nearby_streets = np.setdiff1d(along.query(contents, predicate="dwithin", distance=halo)[1], ways)
         cuts.append(
-            CityBlockIds(
+            CityPartIds(
                 "x{}y{}".format(*square),
                 tuple(buildings[i].id for i in core),
                 tuple(segments[i].id for i in ways),

@@ -22,7 +22,7 @@ from catalogs.block.reader import build_block, city_part_file_values, read_block
 from catalogs.block.settings import replace_settings
 from catalogs.block.yaml_files import format_yaml, read_yaml
 from catalogs.city.keys import CityFileSettings, validate_city_settings
-from catalogs.city.partition import CityBlockIds, halo_radius, partition_city
+from catalogs.city.partition import halo_radius, partition_city
 from catalogs.printable_text import format_count
 from facade_core.core.errors import BlockFileError, InputError
 from facade_core.core.json_types import JsonObject
@@ -127,7 +127,7 @@ def _block_name(city: str, block: str) -> str:
     return f"{city[: MAX_NAME_LENGTH - 1 - len(block)]}-{block}"
 
 
-def partition_indexed_city(whole: CityIndex, metres: float) -> tuple[CityBlockIds, ...]:
+def partition_indexed_city(whole: CityIndex, metres: float) -> tuple[CityPartIds, ...]:
     """Partition a city into blocks of a size in metres."""
     texture = whole.block.texture
     reach = halo_radius(
@@ -136,7 +136,7 @@ def partition_indexed_city(whole: CityIndex, metres: float) -> tuple[CityBlockId
     return partition_city(whole.block.buildings, whole.segments, block_size=metres, halo=reach)
 
 
-def select_city_part_ids(whole: CityIndex, cuts: Sequence[CityBlockIds]) -> Iterator[CityPartIds]:
+def select_city_part_ids(whole: CityIndex, cuts: Sequence[CityPartIds]) -> Iterator[CityPartIds]:
     """Yield the ids of each block: core, halo, and distant buildings that its style needs."""
     block = whole.block
     walls = target_walls_from_outlines(block.buildings, whole.front_streets, [-1] * len(block.buildings), block.storey)
@@ -148,7 +148,7 @@ def select_city_part_ids(whole: CityIndex, cuts: Sequence[CityBlockIds]) -> Iter
     for cut in cuts:
         needed = order.dependencies(np.array([numbers[one] for one in cut.buildings], np.int64)).tolist()
         beyond = {building for number in needed for building in numbered[number]} - set(cut.buildings)
-        yield CityPartIds(cut.buildings, cut.streets, cut.halo_buildings, cut.halo_streets, tuple(sorted(beyond)))
+        yield replace(cut, distant_buildings=tuple(sorted(beyond)))
 
 
 def read_city_keys(path: Path) -> tuple[JsonObject, CityFileSettings | str]:

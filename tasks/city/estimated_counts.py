@@ -13,7 +13,7 @@ from catalogs.block.key_faults import read_block_settings
 from catalogs.block.part import CityIndex, CityPartIds
 from catalogs.block.reader import Block, build_block
 from catalogs.city.keys import uses_default_partition
-from catalogs.city.partition import CityBlockIds, partition_city
+from catalogs.city.partition import partition_city
 from catalogs.printable_text import format_count
 from facade_core.core.arrays import Int64Array
 from facade_core.core.errors import BlockFileError, GeometryError
@@ -216,9 +216,8 @@ def _unit_seconds(counts: BlockCounts) -> float:
     return load_cost_model().processor_seconds(replace(counts, blocks=0.0, exemplars=0.0, exemplar_megapixels=0.0))
 
 
-def _plan_part(whole: CityIndex, part: CityBlockIds) -> dict[str, float]:
-    chosen = CityPartIds(part.buildings, part.streets, part.halo_buildings, part.halo_streets)
-    block, own = whole.extract_part(chosen), set(part.buildings)
+def _plan_part(whole: CityIndex, part: CityPartIds) -> dict[str, float]:
+    block, own = whole.extract_part(part), set(part.buildings)
     # roofs of the surroundings take most of the time, and no count depends on them
     buildings = tuple(
         one if one.id in own or one.shell is not None else replace(one, roof=None) for one in block.buildings
@@ -229,7 +228,7 @@ def _plan_part(whole: CityIndex, part: CityBlockIds) -> dict[str, float]:
         return {}
 
 
-def _owners(whole: CityIndex, parts: Sequence[CityBlockIds]) -> tuple[Int64Array, Int64Array]:
+def _owners(whole: CityIndex, parts: Sequence[CityPartIds]) -> tuple[Int64Array, Int64Array]:
     """Return the part of each building and of each segment."""
     buildings = {id: index for index, part in enumerate(parts) for id in part.buildings}
     streets = {id: index for index, part in enumerate(parts) for id in part.streets}

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, TextIO
 from catalogs.printable_text import escape_invisible_json
 from facade_core.core.arrays import Float64Array, IntArray
 from facade_core.core.json_types import JsonObject
-from tasks.engine.progress import begin_stage, report_progress
+from tasks.engine.progress import report_progress
 from tasks.export.city_objects import (
     building_city_objects,
     facade_layouts,
@@ -19,48 +19,44 @@ from tasks.export.city_objects import (
     reference_system,
     unused_id,
 )
-from tasks.export.models import append_ground_index
+from tasks.export.models import append_ground_index, write_texture_pages
 from tasks.publish.published_run import PublishedBlock
 
 if TYPE_CHECKING:
     from facade_core.export.bodies.model_face import ModelFace
     from facade_core.export.city_models.cityjson import VertexPool
 
-TEXTURE_FOLDER = "textures"
 
-
-def write_cityjson(results: PublishedBlock, buildings: IntArray, folder: Path) -> tuple[list[str], list[str]]:
-    """Write BLOCK.city.json and its textures.
-
-    Parameters
-    ----------
-    results : published results of a block.
-    buildings : (n,) indices of buildings.
-    folder : target folder.
-
-    Returns
-    -------
-    files : files to open first.
-    notes : remarks for the user.
-    """
-    return _write_document(results, buildings, folder, f"{results.block}.city.json", openings=False)
-
-
-def write_cityjson_lod3(results: PublishedBlock, buildings: IntArray, folder: Path) -> tuple[list[str], list[str]]:
-    """Write BLOCK.lod3.city.json, with windows and doors of completed facades cut out of their walls.
+def write_cityjson(
+    results: PublishedBlock, buildings: IntArray, folder: Path, *, openings: bool
+) -> tuple[list[str], list[str]]:
+    """Write a CityJSON document and its textures.
 
     Parameters
     ----------
     results : published results of a block.
     buildings : (n,) indices of buildings.
     folder : target folder.
+    openings : windows and doors of completed facades are cut out of their walls: BLOCK.lod3.city.json, else
+        BLOCK.city.json.
 
     Returns
     -------
     files : files to open first.
     notes : remarks for the user.
     """
-    return _write_document(results, buildings, folder, f"{results.block}.lod3.city.json", openings=True)
+    from facade_core.export.city_models.cityjson import VertexPool, empty_document
+
+    name = f"{results.block}{'.lod3' if openings else ''}.city.json"
+    url, notes = reference_system(results.crs)
+    pool = VertexPool(model_origin(results))
+    images, objects = _list_features(results, buildings, folder, pool.origin, openings=openings)
+    city = empty_document(results.block, pool.origin, url, results.attribution)
+    city["CityObjects"] = {id: made for _, make in objects for id, made in make(pool).items()}
+    city |= pool.tables(images)
+    city["metadata"]["geographicalExtent"] = pool.extent()
+    (folder / name).write_text(json_line(city), encoding="utf-8")
+    return [name], notes
 
 
 def write_cityjsonseq(results: PublishedBlock, buildings: IntArray, folder: Path) -> tuple[list[str], list[str]]:
@@ -129,22 +125,6 @@ def write_features(
         file.write(json_line(feature))
 
 
-def _write_document(
-    results: PublishedBlock, buildings: IntArray, folder: Path, name: str, *, openings: bool
-) -> tuple[list[str], list[str]]:
-    from facade_core.export.city_models.cityjson import VertexPool, empty_document
-
-    url, notes = reference_system(results.crs)
-    pool = VertexPool(model_origin(results))
-    images, objects = _list_features(results, buildings, folder, pool.origin, openings=openings)
-    city = empty_document(results.block, pool.origin, url, results.attribution)
-    city["CityObjects"] = {id: made for _, make in objects for id, made in make(pool).items()}
-    city |= pool.tables(images)
-    city["metadata"]["geographicalExtent"] = pool.extent()
-    (folder / name).write_text(json_line(city), encoding="utf-8")
-    return [name], notes
-
-
 def json_line(value: JsonObject) -> str:
     """Return a value as one line of JSON."""
     return escape_invisible_json(json.dumps(value, separators=(",", ":"), ensure_ascii=False, allow_nan=False)) + "\n"
@@ -157,18 +137,11 @@ def _list_features(
     from facade_core.core.grouping import group_rows
     from facade_core.export.bodies.building_models import ground_faces
     from facade_core.export.city_models.cityjson import build_geometry
-    from facade_core.export.models.textured_mesh import GROUND_NODE, encode_page, pack_charts_on_pages
+    from facade_core.export.models.textured_mesh import GROUND_NODE
 
     source = results.textured_mesh
     shown = append_ground_index(results, buildings)
-    drawn = pack_charts_on_pages(source, source.select_charts(shown))
-    pages = len(drawn.layout.pages)
-    begin_stage("export", pages + len(shown))
-    images = [f"{TEXTURE_FOLDER}/{page:04}.jpg" for page in range(pages)]
-    (folder / TEXTURE_FOLDER).mkdir()
-    for page, image in enumerate(images):
-        (folder / image).write_bytes(encode_page(drawn, page))
-        report_progress("export", 1)
+    drawn, images = write_texture_pages(results, shown, folder, len(shown))
     layouts = facade_layouts(results, buildings) if openings else {}
     triangles = group_rows(source.charts.building[source.mesh.chart])
     taken = set(results.names.values())

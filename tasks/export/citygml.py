@@ -11,10 +11,9 @@ import numpy as np
 from catalogs.features import safe_file_stem
 from catalogs.printable_text import escape_invisible
 from facade_core.core.arrays import IntArray
-from tasks.engine.progress import begin_stage, report_progress
-from tasks.export.city import TEXTURE_FOLDER
+from tasks.engine.progress import report_progress
 from tasks.export.city_objects import building_attributes, building_model, facade_layouts, model_origin
-from tasks.export.models import append_ground_index
+from tasks.export.models import append_ground_index, write_texture_pages
 from tasks.publish.published_run import PublishedBlock
 
 if TYPE_CHECKING:
@@ -44,16 +43,9 @@ def write_citygml(results: PublishedBlock, buildings: IntArray, folder: Path) ->
     """
     from facade_core.core.grouping import group_rows
     from facade_core.export.city_models.citygml import open_citygml_writer, xml_id
-    from facade_core.export.models.textured_mesh import encode_page, pack_charts_on_pages
 
     source, shown = results.textured_mesh, append_ground_index(results, buildings)
-    drawn = pack_charts_on_pages(source, source.select_charts(shown))
-    images = [f"{TEXTURE_FOLDER}/{page:04}.jpg" for page in range(len(drawn.layout.pages))]
-    begin_stage("export", len(images) + len(shown))
-    (folder / TEXTURE_FOLDER).mkdir()
-    for page, image in enumerate(images):
-        (folder / image).write_bytes(encode_page(drawn, page))
-        report_progress("export", 1)
+    drawn, images = write_texture_pages(results, shown, folder, len(shown))
     triangles = group_rows(source.charts.building[source.mesh.chart])
     layouts = facade_layouts(results, buildings)
     ids = {index: xml_id(results.names[index]) for index in buildings.tolist()}

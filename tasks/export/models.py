@@ -18,12 +18,13 @@ from tasks.publish.published_run import PublishedBlock
 
 if TYPE_CHECKING:
     from facade_core.export.models.gltf_materials import TimeOfDay
-    from facade_core.export.models.textured_mesh import TexturedMesh
+    from facade_core.export.models.textured_mesh import PackedCharts, TexturedMesh
 
 # Default picture encoding of 3D Tiles, which every client reads.
 DEFAULT_ENCODING = "jpeg"
 # Statistics of a whole tileset, in its folder.
 STATISTICS_FILE = "figures.json"
+TEXTURE_FOLDER = "textures"
 
 
 def mesh_with_requested_lighting(
@@ -59,6 +60,31 @@ def mesh_with_requested_lighting(
 def append_ground_index(results: PublishedBlock, buildings: IntArray) -> IntArray:
     """Append the index of the ground (-1) if the buildings are all of the block's."""
     return np.append(buildings, -1) if len(buildings) == len(results.select_buildings(())) else buildings
+
+
+def write_texture_pages(
+    results: PublishedBlock, shown: IntArray, folder: Path, other_units: int
+) -> tuple[PackedCharts, list[str]]:
+    """Write the texture pages of some buildings as JPEG files; return the packed charts, and the files by page.
+
+    Parameters
+    ----------
+    results : published results of a block.
+    shown : (n,) indices of buildings, -1 for the ground.
+    folder : target folder.
+    other_units : units of progress after this step.
+    """
+    from facade_core.export.models.textured_mesh import encode_page, pack_charts_on_pages
+
+    source = results.textured_mesh
+    drawn = pack_charts_on_pages(source, source.select_charts(shown))
+    images = [f"{TEXTURE_FOLDER}/{page:04}.jpg" for page in range(len(drawn.layout.pages))]
+    begin_stage("export", len(images) + other_units)
+    (folder / TEXTURE_FOLDER).mkdir()
+    for page, image in enumerate(images):
+        (folder / image).write_bytes(encode_page(drawn, page))
+        report_progress("export", 1)
+    return drawn, images
 
 
 def write_glb_models(

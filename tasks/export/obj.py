@@ -7,9 +7,8 @@ from pathlib import Path
 from catalogs.features import safe_file_stem
 from catalogs.printable_text import escape_invisible
 from facade_core.core.arrays import IntArray
-from tasks.engine.progress import begin_stage, report_progress
-from tasks.export.city import TEXTURE_FOLDER
-from tasks.export.models import append_ground_index
+from tasks.engine.progress import report_progress
+from tasks.export.models import append_ground_index, write_texture_pages
 from tasks.publish.published_run import PublishedBlock
 
 
@@ -28,22 +27,10 @@ def write_obj(results: PublishedBlock, buildings: IntArray, folder: Path) -> tup
     notes : remarks for the user.
     """
     from facade_core.export.models.obj import format_materials, format_obj
-    from facade_core.export.models.textured_mesh import (
-        build_nodes,
-        encode_page,
-        mesh_y_up_frame,
-        pack_charts_on_pages,
-    )
+    from facade_core.export.models.textured_mesh import build_nodes, mesh_y_up_frame
 
-    source = results.textured_mesh
-    drawn = pack_charts_on_pages(source, source.select_charts(append_ground_index(results, buildings)))
+    drawn, textures = write_texture_pages(results, append_ground_index(results, buildings), folder, 1)
     frame = mesh_y_up_frame(results.plan.scene.mesh)
-    textures = [f"{TEXTURE_FOLDER}/{page:04}.jpg" for page in range(len(drawn.layout.pages))]
-    begin_stage("export", len(textures) + 1)
-    (folder / TEXTURE_FOLDER).mkdir()
-    for page, texture in enumerate(textures):
-        (folder / texture).write_bytes(encode_page(drawn, page))
-        report_progress("export", 1)
     nodes, _ = build_nodes([drawn], {b: escape_invisible(name) for b, name in results.names.items()}, frame)
     origin = " ".join(f"{value:.3f}" for value in frame.origin.tolist())
     comments = [

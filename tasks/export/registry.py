@@ -176,7 +176,7 @@ _ENTRIES = (
         "CityJSON 2.0 in the block's CRS: textured LoD2 with semantic surfaces; a Solid for each building with a closed "
         "surface",
         ".city.json",
-        _imported("city", "write_cityjson"),
+        _imported("city", "write_cityjson", openings=False),
         city=("cityjsonseq",),
         opened_in=("val3dity", "cjio, Blender"),
     ),
@@ -194,7 +194,7 @@ _ENTRIES = (
         "as cityjson, with windows and doors of the completed facades recessed in the walls, balconies and ledges "
         "projecting from them",
         ".lod3.city.json",
-        _imported("city", "write_cityjson_lod3"),
+        _imported("city", "write_cityjson", openings=True),
         city=_feature_stream("as cityjsonseq, with the openings", ".lod3.city.jsonl", openings=True),
         opened_in=("val3dity", "cjio, Blender"),
     ),

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import csv
-import fcntl
 import io
 import os
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
@@ -165,17 +163,6 @@ def _name_columns(header: Sequence[str], cells: Sequence[Sequence[str]]) -> list
     )
     filled = {index for row in cells for index, cell in enumerate(row) if cell.strip()}
     return [name or (next(free) if index in filled else "") for index, name in enumerate(columns)]
-
-
-@contextmanager
-def lock_match_table(table: Path) -> Iterator[None]:
-    """Hold an exclusive lock on a table between reading and writing it."""
-    handle = os.open(table.parent, os.O_RDONLY)
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(handle)
 
 
 def write_match_table(table: MatchTable, *, new: bool = False) -> None:

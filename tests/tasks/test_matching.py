@@ -15,6 +15,7 @@ from pyproj import Transformer
 
 from benchmarks.matching import SIZE, WIDE_DEG, photo_of
 from benchmarks.painter.street_truth import SyntheticStreet, synthetic_street
+from catalogs.block.corrections import lock_folder
 from catalogs.block.reader import read_block
 from facade_core.core.errors import InputError
 from facade_core.core.types import Pose
@@ -26,7 +27,6 @@ from tasks.matching.match_table import (
     MatchTable,
     apply_decisions,
     format_match_row,
-    lock_match_table,
     read_match_table,
     write_match_table,
 )
@@ -292,7 +292,7 @@ def test_who_decides_at_once_loses_nothing(tmp_path: Path) -> None:
     write_match_table(MatchTable(path, COLUMNS, rows), new=True)
 
     def decide(photo: str) -> None:
-        with lock_match_table(path):
+        with lock_folder(path.parent):
             write_match_table(
                 apply_decisions(read_match_table(path), [MatchDecision(photo, "a-0", True, ("", ""))], who="anna")
             )

@@ -55,7 +55,12 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> CityIndex:
 def chosen(whole: CityIndex) -> CityPartIds:
     first, second, *_ = (one.id for one in whole.segments)
     return CityPartIds(
-        buildings=("a", "b"), streets=(first,), halo_buildings=("e",), halo_streets=(second,), distant_buildings=("c",)
+        "part",
+        buildings=("a", "b"),
+        streets=(first,),
+        halo_buildings=("e",),
+        halo_streets=(second,),
+        distant_buildings=("c",),
     )
 
 
