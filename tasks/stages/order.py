@@ -51,7 +51,7 @@ STAGES_IN_ORDER: tuple[Stage, ...] = (
     # streets: viewpoint by viewpoint
     VIEWPOINTS,
     STREETS,
-    # what is still empty, and seams
+    # texels that nothing has textured yet, and seams between charts
     SURFACES,
     # what is published: pages, tiles, pictures
     PAGES,

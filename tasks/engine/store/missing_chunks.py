@@ -12,9 +12,10 @@ from tasks.engine.stage import Records, is_done_record
 
 
 def find_units_with_missing_chunks(session: icechunk.Session, stage: str, records: Records) -> set[int]:
-    """Find units that are done and of whose charts a chunk is not listed; all, of charts with texels without a source.
+    """Find units that are done and whose charts lack chunks in the listing.
 
-    Chunks of nothing but such texels are never written.
+    A chunk of nothing but texels without a source is never written: a unit with such texels is found only if no chunk of it
+    is listed.
     """
     done = {i: record for i, record in enumerate(records) if record and is_done_record(record)}
     if stage not in STAGE_ARRAYS or not any(record.get("digests") for record in done.values()):

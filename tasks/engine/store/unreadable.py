@@ -41,7 +41,7 @@ def empty_unreadable_chunks(
                     due[writer].update(units_writing_charts(plan, read_journal(group, writer), charts))
         _empty_chunks(group, path, array, chunks)
     for stage in all_stages() if any(path.partition("/")[0] in FOLDERS for path in lost) else ():
-        for unit, record in enumerate(read_journal(group, stage.stage)):  # of which every chunk can be read by now
+        for unit, record in enumerate(read_journal(group, stage.stage)):  # its unreadable chunks were emptied above
             if not lost.keys().isdisjoint(stored_files(record)):
                 due[stage.stage].add(unit)
     return {one.stage: due[one.stage] for one in all_stages() if due[one.stage]}

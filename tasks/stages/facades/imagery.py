@@ -31,7 +31,7 @@ class ChosenExemplar:
     ----------
     index : its index in the block.
     name : its name.
-    key : key of what was prepared from it.
+    key : key of the unit that prepared it.
     """
 
     index: int
@@ -39,7 +39,7 @@ class ChosenExemplar:
     key: str = ""
 
     def digest_content(self) -> tuple[str, str]:
-        """Return what tells it from others, in any block."""
+        """Return the values that stand for it in keys: its index differs between blocks."""
         return self.name, self.key
 
 
