@@ -17,10 +17,11 @@ from catalogs.published.merged_items import MergedItemsFile, read_merged_items_h
 from catalogs.published.runs import PublishedRun, find_runs
 from catalogs.published.s3 import S3Path, folder_at, translate_bucket_errors
 from catalogs.published.snapshot import current_snapshot
-from catalogs.query.where import explain_refusal, filter_rows, parse_since, quote_name
+from catalogs.query.where import build_checked_select, condition_error, parse_since
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
+    import duckdb
     import pandas as pd
     import pyarrow as pa
     from pyarrow.dataset import Dataset
@@ -35,7 +36,7 @@ _DUCKDB_SETTINGS: dict[str, str | bool | int | float | list[str]] = {
 def query(
     out: Folder | str,
     *,
-    where: str | Sequence[str] | None = None,
+    where: str | None = None,
     bbox: Sequence[float] | None = None,
     since: str | None = None,
     on_left_out: Callable[[str], None] | None = None,
@@ -45,7 +46,7 @@ def query(
     Parameters
     ----------
     out : folder of a run or of runs; may be s3://bucket/prefix.
-    where : boolean SQL expressions over the columns, of which all must hold.
+    where : boolean SQL expression over the columns.
     bbox : (west, south, east, north) in degrees; selects facades that touch it.
     since : selects units updated then or later; see catalogs.query.where.parse_since.
     on_left_out : called with one line for each run that is left out.
@@ -86,13 +87,14 @@ def query(
         connection.execute("SET enable_external_access = false")
         connection.execute("SET lock_configuration = true")
         connection.execute(f"CREATE TEMP VIEW items AS {' UNION ALL '.join(parts)}")
-        rows, conditions = connection.sql("FROM items"), [where] if isinstance(where, str) else where or ()
-        for condition in conditions:
-            rows = filter_rows(connection, rows, condition)
+        if where is None:
+            return _to_pandas(_run_sql(connection, "FROM items", schema))
+        text = build_checked_select(connection, "items", where, schema.names)
         try:
-            return _to_pandas(rows.to_arrow_table().select(schema.names).cast(schema))
+            return _to_pandas(_run_sql(connection, text, schema))
         except duckdb.Error as error:
-            raise explain_refusal(" AND ".join(conditions), error, schema.names) from error
+            problem = str(error).splitlines()[0].partition(": ")[2].partition(" You might")[0]
+            raise condition_error(where, problem, "compare each column with a value of its type") from error
 
 
 def _parse_box(bbox: Sequence[float] | None) -> list[float]:
@@ -227,7 +229,7 @@ def _filtered_dataset(path: S3Path, columns: pa.Schema, box: Sequence[float], st
 def _column_sql(name: str, run: PublishedRun[Folder] | None, columns: pa.Schema) -> str:
     if name == "run" and run is not None:
         return f"{_quote_text(run.name)} AS run"
-    return quote_name(name) if name in columns.names else f"NULL AS {quote_name(name)}"
+    return _quote_name(name) if name in columns.names else f"NULL AS {_quote_name(name)}"
 
 
 def _parquet_sql(path: Path) -> str:
@@ -239,8 +241,16 @@ def _glob_pattern(path: Path) -> str:
     return re.sub(r"([\[*?])", r"[\1]", str(path.resolve()))
 
 
+def _quote_name(column: str) -> str:
+    return '"' + column.replace('"', '""') + '"'
+
+
 def _quote_text(value: str) -> str:
     return "'" + value.replace("'", "''") + "'"
+
+
+def _run_sql(connection: duckdb.DuckDBPyConnection, text: str, schema: pa.Schema) -> pa.Table:
+    return connection.sql(text).to_arrow_table().select(schema.names).cast(schema)
 
 
 def _to_pandas(table: pa.Table) -> pd.DataFrame:

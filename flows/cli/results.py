@@ -85,15 +85,17 @@ def query(
     """
     from catalogs.query.execution import query as find
     from catalogs.query.formats import format_items, to_parquet_bytes
+    from catalogs.query.where import combine_conditions
     from facade_core.core.errors import InputError
 
     if style == "parquet" and sys.stdout.isatty():
         raise InputError("--format parquet: is no text; send it to a file, such as > facades.parquet")
-    found = find(folder, where=conditions, bbox=bbox or None, since=since, on_left_out=print_notice)
+    where = combine_conditions(conditions)
+    found = find(folder, where=where, bbox=bbox or None, since=since, on_left_out=print_notice)
     if style == "parquet":
         click.echo(to_parquet_bytes(found), nl=False)
     else:
-        click.echo(format_items(found, style, " ".join(conditions)))
+        click.echo(format_items(found, style, where))
 
 
 class ExportCommand(click.Command):

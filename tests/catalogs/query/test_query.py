@@ -21,7 +21,7 @@ from catalogs.published.columns import COLUMNS, ROW_KEYS
 from catalogs.published.items import write_items
 from catalogs.query.execution import query
 from catalogs.query.formats import format_items
-from catalogs.query.where import parse_since
+from catalogs.query.where import combine_conditions, parse_since
 from facade_core.core.errors import InputError
 from flows.cli.commands import command_line
 
@@ -93,45 +93,45 @@ def test_conditions(out: Path, where: str | None, ids: range | tuple[int, ...]) 
         ("street > 5", "Cannot compare"),
         ("street = 'x", "unterminated"),
         ("", "--where is empty"),
-        ("x" * 3000, "unknown column xxx"),
-        ("floors > 3; DROP TABLE items", "syntax error"),
-        ("floors > 3; SELECT 1", "syntax error"),
+        ("x" * 3000, "at most 2000"),
+        ("floors > 3; DROP TABLE items", "not a condition"),
+        ("floors > 3; SELECT 1", "more than a condition"),
         ("floors > 3) OR (TRUE", "syntax error"),
-        ("TRUE), evil INT, CHECK (TRUE", "syntax error"),
-        ("TRUE)) AS SELECT ((TRUE", "syntax error"),
-        ("floors IN (SELECT 1)", "subqueries prohibited"),
-        ("EXISTS (FROM items)", "subqueries prohibited"),
-        ("id IN (SELECT content FROM read_text('/etc/passwd'))", "subqueries prohibited"),
-        ("EXISTS (FROM range(1000000000000))", "subqueries prohibited"),
-        ("TRUE UNION SELECT * FROM items", "syntax error"),
-        ("TRUE ORDER BY id", "syntax error"),
-        ("TRUE LIMIT 1", "syntax error"),
-        ("TRUE GROUP BY ALL", "syntax error"),
-        ("TRUE HAVING TRUE", "syntax error"),
-        ("TRUE QUALIFY TRUE", "syntax error"),
-        ("floors = $1", "Values were not provided"),
+        ("floors IN (SELECT 1)", "subquery is not allowed"),
+        ("EXISTS (FROM items)", "subquery is not allowed"),
+        ("TRUE UNION SELECT * FROM items", "more than a condition"),
+        ("TRUE ORDER BY id", "more than a condition"),
+        ("TRUE LIMIT 1", "more than a condition"),
+        ("TRUE GROUP BY ALL", "more than a condition"),
+        ("TRUE HAVING TRUE", "more than a condition"),
+        ("TRUE QUALIFY TRUE", "more than a condition"),
+        ("floors = $1", "more than a condition"),
         ("street = '\ud800'", "holds half a character"),
-        ("read_text('/etc/passwd') = ''", '"read_text" is a table function'),
-        ("getenv('HOME') = ''", "getenv does not exist"),
-        ("floors >== 5", ">== does not exist"),
-        ("lower(read_blob('/etc/passwd')) = ''", '"read_blob" is a table function'),
-        ("lower(DISTINCT street) = 'x'", "only applicable to window and aggregate functions"),
-        ("count(*) > 1", "aggregate functions are not allowed"),
-        ("row_number() OVER () > 1", "window functions are not allowed"),
-        ("COLUMNS(*) > 4", "not supported here"),
-        ("items.floors > 3", "unknown column items"),
+        ("read_text('/etc/passwd') = ''", "function read_text is not allowed"),
+        ("getenv('HOME') = ''", "function getenv is not allowed"),
+        ("floors >== 5", "operator >== is not allowed here; allowed are ="),
+        ("lower(read_blob('/etc/passwd')) = ''", "function read_blob is not allowed"),
+        ("main.lower(street) = 'x'", "function lower is not allowed"),
+        ("lower(DISTINCT street) = 'x'", "not allowed"),
+        ("repeat('x', 1000000000) = ''", "function repeat is not allowed"),
+        ("count(*) > 1", "not allowed"),
+        ("row_number() OVER () > 1", "not allowed"),
+        ("floors::TEXT = '3'", "operator cast is not allowed"),
+        ("COLUMNS(*) > 4", "star is not allowed"),
+        ("items.floors > 3", "unknown column items.floors"),
         ("rowid = 1", "unknown column rowid"),
-        ("#1 = 2", "out of range"),
-        ("len([x FOR x IN range(9)]) > 1", "not supported"),
-        ("len(range(1000000000000)) > 1", "not supported"),
+        ("#1 = 2", "not allowed"),
+        ("CASE WHEN TRUE THEN TRUE END", "not allowed"),
+        ("len([x FOR x IN range(9)]) > 1", "not allowed"),
         ("NOT " * 450 + "florrs", "unknown column florrs"),
-        ("floors", "is no condition but INTEGER; compare it"),
-        ("floors > 3 AND street", "Could not convert string 'Fabianinkatu' to BOOL"),
-        ("coalesce(floors, TRUE)", "is no condition but INTEGER"),
-        ("1", "is no condition but INTEGER"),
-        ("'BOOLEAN'", "is no condition but VARCHAR"),
-        ("floors + 1", "is no condition but INTEGER"),
-        ("length(street)", "is no condition but BIGINT"),
+        ("floors", "floors alone is no condition; compare it"),
+        ("NOT floors", "floors alone is no condition"),
+        ("floors > 3 AND street", "street alone is no condition"),
+        ("coalesce(floors, TRUE)", "floors alone is no condition"),
+        ("1", "a value alone is no condition"),
+        ("'BOOLEAN'", "a value alone is no condition"),
+        ("floors + 1", "what + gives is no condition"),
+        ("length(street)", "what length gives is no condition"),
     ],
 )
 def test_anything_but_a_condition_is_refused_in_one_line(out: Path, where: str, words: str) -> None:
@@ -374,12 +374,13 @@ def test_a_time_without_a_zone_is_in_utc_wherever_the_machine_is(monkeypatch: py
 
 
 def test_of_several_conditions_each_is_one_by_itself(out: Path) -> None:
-    assert len(query(out, where=[])) == 12
-    assert list(query(out, where=["floors >= 1 -- of any", "id = 'f1' OR id = 'f2'"]).id) == ["f1", "f2"]
+    assert combine_conditions([]) is None
+    both = combine_conditions(["floors >= 1 -- of any", "id = 'f1' OR id = 'f2'"])
+    assert list(query(out, where=both).id) == ["f1", "f2"]
     for broken, words in (
         ("id = 'f1') OR (TRUE", "syntax error"),
         ("", "--where is empty"),
-        ("TRUE LIMIT 1", "syntax error"),
+        ("TRUE LIMIT 1", "more than"),
     ):
         with pytest.raises(InputError, match=words):
-            query(out, where=["floors >= 1", broken])
+            combine_conditions(["floors >= 1", broken])

@@ -368,13 +368,13 @@ def test_the_help_lists_each_command_once_and_whole() -> None:
 
 
 def test_of_several_conditions_all_must_hold(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[tuple[str, ...]] = []
+    asked: list[str | None] = []
 
-    def find(folder: str, *, where: tuple[str, ...], **more: object) -> None:
+    def find(folder: str, *, where: str | None, **more: object) -> None:
         asked.append(where)
         raise InputError("asked")
 
     monkeypatch.setattr("catalogs.query.execution.query", find)
     for more in ([], ["--where", "a or b"], ["--where", "a or b", "--where", "c"]):
         CliRunner().invoke(command_line, ["query", str(tmp_path), *more])
-    assert asked == [(), ("a or b",), ("a or b", "c")]
+    assert asked == [None, "a or b", "(a or b\n) AND (c\n)"]
