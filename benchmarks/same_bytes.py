@@ -38,7 +38,7 @@ from tests.pipeline.stages import write_block, write_photo
 
 ROOT = Path(__file__).resolve().parent.parent
 # Columns that say when something was done, how long that took, where, and by which code.
-VOLATILE = ["updated", "seconds", "run", "config_digest"]
+VOLATILE = ["updated", "seconds", "run", "config_digest", "update_time"]
 VOLATILE_PROPERTIES = {*VOLATILE, "code_version"}
 # What an export says of its own files, which are compared themselves.
 CONTENTS = ("export.json", ".export.json")

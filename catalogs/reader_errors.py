@@ -113,7 +113,8 @@ def wrap_reader_errors(path: Path, problem: str, remedy: str) -> Iterator[None]:
         if isinstance(error, MemoryError):  # `from None`: the memory is not at fault
             raise InputError(f"{path} claims to hold more than memory can; {remedy}") from None
         if isinstance(error, OSError) and error.strerror and error.filename is not None:
-            raise InputError(f"{path} cannot be read ({error.strerror}); check its permissions") from error
+            check = "path" if isinstance(error, FileNotFoundError) else "permissions"
+            raise InputError(f"{path} cannot be read ({error.strerror}); check its {check}") from error
         raise InputError(f"{path} {problem} ({short_message(error)}); {remedy}") from error
 
 

@@ -40,7 +40,7 @@ def queue_end(ended: SimpleQueue[tuple[K, TaskFuture[R]]], key: K, future: TaskF
 
 
 def is_recorded() -> bool:
-    """Return whether this is a flow run, of which Prefect keeps a record."""
+    """Return True inside a flow run of Prefect, which records it."""
     return FlowRunContext.get() is not None
 
 

@@ -11,7 +11,7 @@ import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal, TypeAlias, overload
@@ -67,7 +67,16 @@ class Correction:
 
 # Keys of a line of the file, and the attributes of `Correction` that hold their values. Users keep these files: on a rename
 # of an attribute the keys stay.
-LINE_KEYS = {"what" if one.name == "kind" else one.name: one.name for one in fields(Correction)}
+LINE_KEYS = {
+    "id": "id",
+    "what": "kind",
+    "value": "value",
+    "place": "place",
+    "width": "width",
+    "who": "who",
+    "when": "when",
+    "why": "why",
+}
 
 
 @dataclass(frozen=True)

@@ -60,8 +60,20 @@ class FetchedPicture:
 
 # Keys of a picture in the poses file: its pose, which a block reads, and its author and licence.
 POSES_KEYS = (
-    "lon", "lat", "z", "heading", "pitch", "roll", "captured", "author", "licence", "licence_url", "source", "id", "sha256",
-)  # fmt: skip
+    "lon",
+    "lat",
+    "z",
+    "heading",
+    "pitch",
+    "roll",
+    "captured",
+    "author",
+    "licence",
+    "licence_url",
+    "source",
+    "id",
+    "sha256",
+)
 
 
 @dataclass

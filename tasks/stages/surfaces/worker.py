@@ -47,7 +47,7 @@ class SurfaceInputs:
     Attributes
     ----------
     view : its charts, and those beside them to which they are levelled.
-    ground : what is painted on ground.
+    ground : streets and mapped ground near its charts, which decide their materials and markings.
     around : what may shade the charts.
     seeds : base layer of these charts: of walls and roofs from panoramas, facades and textures.
     pictured : whether each of them shows camera pictures of a wall or roof.

@@ -17,20 +17,20 @@ NOT_READ = {"facades": ["between", "captured", "exposure_factors", "own"], "surf
 
 
 @pytest.fixture(scope="module")
-def noted(tmp_path_factory: pytest.TempPathFactory) -> Any:
+def observed(tmp_path_factory: pytest.TempPathFactory) -> Any:
     folder = tmp_path_factory.mktemp("guarded")
     command = [sys.executable, "-m", "tests.tasks.stages.guarded_run", str(folder)]
     done = subprocess.run(command, cwd=ROOT, env=environment(folder), capture_output=True, text=True, check=True)
     return json.loads(done.stdout.splitlines()[-1])
 
 
-def test_no_unit_opens_a_file_that_its_inputs_do_not_name(noted: Any) -> None:
-    assert noted["elsewhere"] == {}
-    assert noted["named"]["texture_from_pictures"] == ["a-0.png"], "what is opened is noted"
-    assert {"prepare_picture", "compute_surface", "compute_page", "compute_tile", "compute_pictures"} <= noted[
+def test_no_unit_opens_a_file_that_its_inputs_do_not_name(observed: Any) -> None:
+    assert observed["elsewhere"] == {}
+    assert observed["named"]["texture_from_pictures"] == ["a-0.png"], "an opened file is recorded"
+    assert {"prepare_picture", "compute_surface", "compute_page", "compute_tile", "compute_pictures"} <= observed[
         "named"
     ].keys()
 
 
-def test_every_input_is_read(noted: Any) -> None:
-    assert {stage: names for stage, names in noted["unread"].items() if names} == NOT_READ
+def test_every_input_is_read(observed: Any) -> None:
+    assert {stage: names for stage, names in observed["unread"].items() if names} == NOT_READ

@@ -106,7 +106,7 @@ def _rotation(record: JsonObject, crs: str | None) -> Float64Array:
 
 
 def _angle(name: str, unit: str, value: object) -> float:
-    turn = finite_number(value or None, name)
+    turn = finite_number(None if value == "" else value, name)
     if turn is None:
         raise ValueError(f"{name} is empty")
     degrees = turn * _DEGREES.get(unit[:3], 1.0)
