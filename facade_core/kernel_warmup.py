@@ -23,6 +23,7 @@ from facade_core.facade.texture.wall_floors import FacadeWall
 from facade_core.geometry.charts import ChartKind
 from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan
 from facade_core.street.lighting.facade_light import relight_facade
+from facade_core.street.materials.field import MaterialField
 from facade_core.street.propagation.propagate import mark_first_visible
 from facade_core.street.propagation.render import render_panorama
 from facade_core.street.propagation.texel_buffer import TexelBuffer
@@ -87,7 +88,7 @@ def compile_street_kernels() -> None:
     rasters, writable = TexelBuffer.plan_layout(placement, charts, charts)
     nothing = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
     window = TexelBuffer.allocate(placement, rasters, writable, *nothing, visibility_range=scene.visibility_range)
-    swatches = MaterialFieldTranslator(scene, plan.streets, seed=0, ground=plan.ground)
+    swatches = MaterialFieldTranslator(scene, MaterialField(scene, plan.streets, seed=0, ground=plan.ground))
     panorama = render_panorama(scene, window, plan.viewpoints[0], (32, 64))
     swatches.translate(panorama)
     mark_first_visible(scene, window, plan.viewpoints[0], panorama.chart)

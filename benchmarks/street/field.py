@@ -19,6 +19,7 @@ import numpy as np
 from catalogs.block.reader import read_block
 from facade_core.geometry.charts import ChartKind
 from facade_core.plan.plan import Plan
+from facade_core.street.materials.field import MaterialField
 from facade_core.street.propagation.propagate import mark_first_visible, propagate_panorama
 from facade_core.street.propagation.render import render_panorama
 from facade_core.street.propagation.texel_buffer import TexelBuffer
@@ -33,7 +34,7 @@ PANORAMA = 1024
 def measure() -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         plan = make_plan(read_block(write_demo(Path(folder))))
-    swatches = MaterialFieldTranslator(plan.scene, plan.streets, seed=1)
+    swatches = MaterialFieldTranslator(plan.scene, MaterialField(plan.scene, plan.streets, seed=1))
     longest = int(np.bincount(plan.viewpoint_streets).argmax())
     for ways in (_seen, _projected):  # compiles
         ways(plan, swatches, longest, 1)

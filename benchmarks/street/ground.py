@@ -20,6 +20,8 @@ from facade_core.geometry.ground.shapes import GroundTileArrays, GroundTiles
 from facade_core.street.materials.grain import GrainTables
 from facade_core.street.materials.grain_file import load_shipped_grain_tables
 from facade_core.street.materials.ground_kernels import ground_colour
+from facade_core.street.materials.pictured_ground import PicturedGround, learn_pictured_ground
+from facade_core.street.materials.procedural import SURFACE_COLOURS
 
 # Texels a metre, along a side of a square; texels that are worked out together.
 DENSITY, SIDE = 16.0, 512
@@ -30,6 +32,7 @@ REPEATED = 5
 def measure(counts: tuple[int, ...] = (3, 100, 1000)) -> dict[str, Any]:
     """By the number of streets: ms to draw a square, ns a texel of the middle one, and of one without a street."""
     found = {}
+    unpictured = learn_pictured_ground([], len(SURFACE_COLOURS))
     for count in counts:
         side = np.sqrt(count) * 200
         rng = np.random.default_rng(0)
@@ -49,11 +52,11 @@ def measure(counts: tuple[int, ...] = (3, 100, 1000)) -> dict[str, Any]:
         times = {}
         for name, chart in (("junction", 0), ("nothing", 1)):
             near, low = squares.build_arrays([chart]), np.array([places[chart, 0], 0.0])
-            _raster(near, load_shipped_grain_tables(), *low)  # compiles
+            _raster(near, load_shipped_grain_tables(), unpictured, *low)  # compiles
             taken = []
             for _ in range(REPEATED):
                 start = time.thread_time()
-                _raster(near, load_shipped_grain_tables(), *low)
+                _raster(near, load_shipped_grain_tables(), unpictured, *low)
                 taken.append(time.thread_time() - start)
             times[name] = round(1e9 * min(taken) / SIDE**2, 1)
         found[str(count)] = {"ms_a_square": round(1e3 * drawn, 1), "ns_a_texel": times}
@@ -72,7 +75,9 @@ def _charts(places: np.ndarray) -> Charts:
 
 
 @njit(nogil=True)
-def _raster(drawn: GroundTileArrays, grains: GrainTables, left: float, bottom: float) -> None:
+def _raster(
+    drawn: GroundTileArrays, grains: GrainTables, unpictured: PicturedGround, left: float, bottom: float
+) -> None:
     side, light, out = np.full(PIECE, 1 / DENSITY), np.ones(PIECE), np.empty((PIECE, 3), np.uint8)
     for row in range(SIDE):
         y = np.full(PIECE, bottom + (row + 0.5) / DENSITY)
@@ -84,6 +89,7 @@ def _raster(drawn: GroundTileArrays, grains: GrainTables, left: float, bottom: f
                 side,
                 drawn,
                 grains,
+                unpictured,
                 7,
                 light,
                 1.0,

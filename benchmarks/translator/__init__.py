@@ -90,11 +90,12 @@ def measure_sharpness(options: argparse.Namespace) -> dict[str, Any]:
     """Gradient energy of translated panoramas over that of the painted ones, by viewpoint."""
     from benchmarks.street.truth import interval
     from benchmarks.translator.scenes import WIDTH, ingolstadt, walk
+    from facade_core.street.materials.field import MaterialField
     from facade_core.street.translator import neural_translator
     from facade_core.street.translator.translators import MaterialFieldTranslator
 
     scene, own, streets = ingolstadt(options.data)
-    painter = MaterialFieldTranslator(scene, streets, seed=7)
+    painter = MaterialFieldTranslator(scene, MaterialField(scene, streets, seed=7))
     network = neural_translator.NeuralTranslator(neural_translator.load_colour_network(), painter)
     shares: list[float] = []
 
@@ -138,10 +139,11 @@ def pictures(options: argparse.Namespace) -> dict[str, Any]:
 
 def _translators(scene: Any, streets: Any) -> dict[str, Any]:
     """No texture, the material field and the shipped network."""
+    from facade_core.street.materials.field import MaterialField
     from facade_core.street.translator import neural_translator
     from facade_core.street.translator.translators import MaterialFieldTranslator
 
-    painter = MaterialFieldTranslator(scene, streets, seed=7)
+    painter = MaterialFieldTranslator(scene, MaterialField(scene, streets, seed=7))
     network = neural_translator.NeuralTranslator(neural_translator.load_colour_network(), painter)
     return {
         "untextured": lambda _, bare: bare.rgb,

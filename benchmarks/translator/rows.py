@@ -14,6 +14,7 @@ from benchmarks.translator.scenes import BLENDINGS, Blending, Translate, between
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.lighting.sky import add_sky
+from facade_core.street.materials.field import MaterialField
 from facade_core.street.propagation.render import RenderedPanorama, render_panorama
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.translator.colour_grid import NETWORK_HEIGHT
@@ -47,7 +48,7 @@ def measure(data: Path, models: Path, shipped: ColourNetwork) -> dict[str, Any]:
     """Kernel distances of every row and blending, means over streets with 95 % bootstrap intervals, and which of the paper's
     orderings hold: only those whose paired differences' intervals exclude zero."""
     scene, own, streets = ingolstadt(data)
-    real, painter = _real(data), MaterialFieldTranslator(scene, streets, seed=7)
+    real, painter = _real(data), MaterialFieldTranslator(scene, MaterialField(scene, streets, seed=7))
     by_row: dict[str, dict[str, Any]] = {}
 
     def score(name: str, translate: Translate, blending: Blending) -> None:
@@ -73,7 +74,7 @@ def measure(data: Path, models: Path, shipped: ColourNetwork) -> dict[str, Any]:
 def shipped_alone(data: Path, shipped: ColourNetwork) -> dict[str, Any]:
     """The rows of what is shipped: the network, swatches and no texture."""
     scene, own, streets = ingolstadt(data)
-    painter = MaterialFieldTranslator(scene, streets, seed=7)
+    painter = MaterialFieldTranslator(scene, MaterialField(scene, streets, seed=7))
     return {"real": PLACES, "streets": len(own), "rows": _table(_untrained(scene, own, painter, shipped, _real(data)))}
 
 

@@ -21,6 +21,7 @@ from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
 from facade_core.plan.plan_tables import read_plan
 from facade_core.street.lighting.sky import add_sky
+from facade_core.street.materials.field import MaterialField
 from facade_core.street.propagation.propagate import propagate_panorama
 from facade_core.street.propagation.render import RenderedPanorama, render_panorama
 from facade_core.street.propagation.texel_buffer import TexelBuffer
@@ -63,7 +64,9 @@ def render_procedural_street(*, seed: int, bare: bool) -> list[TrainingRendering
     """Render a street with painted facades, or with bare walls."""
     street = synthetic_street(8, seed=seed, occluders=0, texels_per_metre=20.0)
     line = shapely.LineString([street.world_point(along, 0.0) for along in (0.0, street.length)])
-    painter = MaterialFieldTranslator(street.scene, [Street("street", None, line)], seed=seed)
+    painter = MaterialFieldTranslator(
+        street.scene, MaterialField(street.scene, [Street("street", None, line)], seed=seed)
+    )
     viewpoints = []
     for number, along in enumerate(np.arange(_SPACING_M / 2, street.length, _SPACING_M)):
         x, y = street.world_point(float(along), 0.0)

@@ -51,8 +51,7 @@ def fuse_ground_view(scene: Scene, chart: int, cameras: Iterable[PanoramaCamera]
     """Fuse a ground chart from panoramas.
 
     A square that several cameras show comes from cameras that agree with another camera. A square that only one camera shows
-    is used if it is far enough from the camera, has the typical ground colour, and if other squares of that camera are
-    confirmed.
+    is used if it has the typical ground colour, and if other cameras do not contradict that camera elsewhere.
 
     Parameters
     ----------
@@ -69,22 +68,15 @@ def fuse_ground_view(scene: Scene, chart: int, cameras: Iterable[PanoramaCamera]
     views = _clear_matching_ground(scene, chart, shown)
     if not any(bool(view.clear.any()) for view in views):
         return None
-    distance = [
-        _ground_distance(scene, chart, one.pose)
-        if one.pose.lens is None
-        else np.full(one.view.seen.shape, np.inf, np.float32)
-        for one in shown
-    ]
     return fuse_camera_views(
         views,
-        select_trusted_ground_texels(views, distance, [one.ground_colour for one in shown], density),
+        select_trusted_ground_texels(views, [one.ground_colour for one in shown], density),
         density,
     )
 
 
 def select_trusted_ground_texels(
     views: Sequence[ChartView],
-    distance: Sequence[Float32Array],
     ground_colours: Sequence[tuple[Float64Array, Float64Array] | None],
     density: float,
 ) -> list[BoolArray]:
@@ -93,7 +85,6 @@ def select_trusted_ground_texels(
     Parameters
     ----------
     views : views of one chart, of equal size and exposure.
-    distance : (h, w) distance of the texels from each camera's vehicle in metres, infinite without one.
     ground_colours : see `typical_ground_colour`, in the views' exposure.
     density : texels per metre.
 
@@ -112,11 +103,7 @@ def select_trusted_ground_texels(
         )
         ground_colour = ground_colours[i]
         confirmed_count = int(supported.sum())
-        if (
-            ground_colour is None
-            or confirmed_count < GROUND.min_confirmed_squares
-            or confirmed_count < GROUND.min_confirmed_share * (supported | opposed).sum()
-        ):
+        if ground_colour is None or confirmed_count < GROUND.min_confirmed_share * (supported | opposed).sum():
             alone[:] = False
         else:
             middle, spread = ground_colour
@@ -127,9 +114,7 @@ def select_trusted_ground_texels(
         doubted = squares.is_usable[i] & ~supported & ~alone
         texels = [squares_to_texels(square, squares.side, view.seen.shape) for square in (supported, alone, doubted)]
         near_doubt = cv2.dilate(texels[2].astype(np.uint8), np.ones((2 * rim + 1,) * 2, np.uint8)) > 0
-        trusted.append(
-            view.clear & (texels[0] | (texels[1] & (distance[i] >= GROUND.min_unconfirmed_distance_m))) & ~near_doubt
-        )
+        trusted.append(view.clear & (texels[0] | texels[1]) & ~near_doubt)
     return [
         is_trusted & ~is_thin for is_trusted, is_thin in zip(trusted, find_thin_objects(views, density), strict=True)
     ]

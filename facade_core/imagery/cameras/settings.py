@@ -96,19 +96,14 @@ class GroundViewSettings:
     Attributes
     ----------
     min_ground_distance_m : nearer than this, in metres, the camera's own vehicle hides the ground.
-    min_unconfirmed_distance_m : nearer than this, in metres, a panorama that no other camera confirms may show the camera's
-        own vehicle. A picture of a lens looks ahead.
-    min_confirmed_squares : squares that other cameras must confirm before unconfirmed ones of a view are trusted. A camera
-        without neighbours would leave a ring of ground around it.
-    min_confirmed_share : share of the squares seen by others that must be confirmed likewise.
+    min_confirmed_share : share of the squares seen by other cameras that these must confirm before unconfirmed ones of a
+        view are trusted.
     max_log_deviation : unconfirmed ground differs from the typical ground colour by at most this log ratio,
     max_deviation_spreads : or by this many times its median absolute deviation.
     doubt_rim_m : metres around a doubted square that are removed too: objects reach over its border.
     """
 
     min_ground_distance_m: float = 3.4
-    min_unconfirmed_distance_m: float = 7.0
-    min_confirmed_squares: int = 24
     min_confirmed_share: float = 0.5
     max_log_deviation: float = 0.35
     max_deviation_spreads: float = 3.0

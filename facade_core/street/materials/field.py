@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 
 import numpy as np
 
-from facade_core.core.arrays import Float64Array, Int16Array, Int64Array, IntArray, UInt8Array
+from facade_core.core.arrays import BoolArray, Float64Array, Int16Array, Int64Array, IntArray, UInt8Array
 from facade_core.core.types import BuildingFinish, MappedGround, Street
 from facade_core.facade.wall_material import WallMaterial
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.ground.carriageways import assume_street_ways
 from facade_core.geometry.ground.layer_raster import rasterise_ground_layers
+from facade_core.geometry.ground.layers import FIRST_PATH_LAYER, PAVEMENT_LAYER, ROAD_LAYER
 from facade_core.geometry.ground.shapes import GroundTiles
 from facade_core.geometry.scene import Scene
 from facade_core.street.materials import field_kernels as kernels
@@ -25,12 +26,15 @@ from facade_core.street.materials.field_kernels import (
 )
 from facade_core.street.materials.grain import GrainKind, GrainTables
 from facade_core.street.materials.grain_file import load_shipped_grain_tables
+from facade_core.street.materials.pictured_ground import GroundPicture, learn_pictured_ground
 from facade_core.street.materials.procedural import (
     BRICK_PALETTE,
     METAL_FIXTURE_PALETTE,
     PLASTER_PALETTE,
     SOFFIT_COLOUR,
+    SURFACE_COLOURS,
     WOOD_PALETTE,
+    GroundSurface,
 )
 from facade_core.street.materials.roofs import (
     FELT_PALETTE,
@@ -85,6 +89,18 @@ MATERIAL_GRAINS = {
     SurfaceMaterial.METAL_FIXTURE: GrainKind.METAL,
 }
 
+# Surface of each kind of ground of `MaterialField.ground_kinds`.
+SURFACE_OF_LAYER = np.array(
+    [
+        GroundSurface.GRAVEL,
+        *range(PAVEMENT_LAYER),
+        GroundSurface.SLABS,
+        *range(ROAD_LAYER - FIRST_PATH_LAYER),
+        GroundSurface.ASPHALT,
+    ],
+    np.uint8,
+)
+
 
 class MaterialField:
     """Material of all charts as a function of the world point, independent of the viewpoint.
@@ -129,6 +145,7 @@ class MaterialField:
             self._ground.build_arrays([]),
             (roof_material or grey).mip_levels,
             grains or load_shipped_grain_tables(),
+            learn_pictured_ground([], len(SURFACE_COLOURS)),
             seed,
         )
 
@@ -168,6 +185,22 @@ class MaterialField:
             override=MaterialOverride(np.sort(plaster_walls).astype(np.int64), int(material), int(example), colour)
         )
         return changed, plaster_walls
+
+    def with_pictured_ground(self, shown: Mapping[int, tuple[UInt8Array, BoolArray]]) -> MaterialField:
+        """Return a copy in which ground of each surface looks as pictures show it.
+
+        Parameters
+        ----------
+        shown : by ground chart its colours (h, w, 3) and which texels (h, w) pictures show.
+        """
+        density = self._scene.placement.texels_per_metre
+        pictures = [
+            GroundPicture(rgb, is_seen, SURFACE_OF_LAYER[self.ground_kinds(chart, 0)], float(density[chart]))
+            for chart, (rgb, is_seen) in shown.items()
+        ]
+        changed = copy(self)
+        changed.arrays = self.arrays._replace(pictured=learn_pictured_ground(pictures, len(SURFACE_COLOURS)))
+        return changed
 
     def colour(self, chart: IntArray, points: Float64Array, footprint: Float64Array) -> UInt8Array:
         """Compute the shaded material of world points.

@@ -17,6 +17,7 @@ from facade_core.geometry.daylight import MIN_DAYLIGHT
 from facade_core.geometry.ground.shapes import GroundTileArrays
 from facade_core.street.materials.grain import GrainTables, add_grain
 from facade_core.street.materials.ground_kernels import ground_colour, to_byte
+from facade_core.street.materials.pictured_ground import PicturedGround
 from facade_core.street.materials.procedural import (
     FLASHING_COLOUR,
     FRAME_COLOUR,
@@ -125,6 +126,7 @@ class MaterialFieldArrays(NamedTuple):
     ground : ground of at least the asked charts.
     roof : picture of the roof material.
     grains : grain examples.
+    pictured : ground as pictures show it.
     seed : seed of all random draws.
     """
 
@@ -133,6 +135,7 @@ class MaterialFieldArrays(NamedTuple):
     ground: GroundTileArrays
     roof: MipLevels
     grains: GrainTables
+    pictured: PicturedGround
     seed: int
 
 
@@ -293,7 +296,19 @@ def _colour_batch(
     if override < len(field.override.charts) and field.override.charts[override] == c:
         material, example, tint = field.override.material, field.override.grain, field.override.colour * grey
     if material == SurfaceMaterial.GROUND:
-        ground_colour(field.ground.chart_tile[c], east, north, side, field.ground, field.grains, seed, light, grey, out)
+        ground_colour(
+            field.ground.chart_tile[c],
+            east,
+            north,
+            side,
+            field.ground,
+            field.grains,
+            field.pictured,
+            seed,
+            light,
+            grey,
+            out,
+        )
         return
     if material == SurfaceMaterial.ROOF_PICTURE:
         for k in range(n):

@@ -10,6 +10,7 @@ from facade_core.core.numba_cache import njit
 from facade_core.geometry.ground.layers import FIRST_PATH_LAYER, PAVEMENT_LAYER, ROAD_LAYER
 from facade_core.geometry.ground.shapes import CELLS_PER_SIDE, EDGE_REACH_M, LOOKUP_CELL_M, GroundTileArrays
 from facade_core.street.materials.grain import GrainTables
+from facade_core.street.materials.pictured_ground import PicturedGround, add_pictured_ground
 from facade_core.street.materials.procedural import (
     MEAN_TONES,
     SURFACE_COLOURS,
@@ -68,6 +69,7 @@ def ground_colour(
     side: Float64Array,
     drawn: GroundTileArrays,
     grains: GrainTables,
+    pictured: PicturedGround,
     seed: int,
     light: Float64Array,
     grey: float,
@@ -82,6 +84,7 @@ def ground_colour(
     side : (n,) footprints, metres.
     drawn : ground shapes by square and cell.
     grains : tables of all grains.
+    pictured : surfaces as pictures show them.
     seed : random seed.
     light : (n,) soft daylight.
     grey : brightness of white.
@@ -111,7 +114,7 @@ def ground_colour(
             _add_layers(
                 cell, x[k], y[k], min(side[k], 2 * EDGE_REACH_M), nearest, drawn, seed, k, weight[k], over, hidden
             )
-    total = np.zeros((3, n))
+    total = np.zeros((n, 3))
     member, px, py, ps, pa, tone = (
         np.empty(n, np.int64),
         np.empty(n),
@@ -121,6 +124,11 @@ def ground_colour(
         np.empty(n),
     )
     for surface in range(len(SURFACE_COLOURS)):
+        which, tint = SURFACE_GRAINS[surface], SURFACE_COLOURS[surface].copy()
+        is_stated = which >= 0 and surface != GroundSurface.TRACK and not np.isnan(grains.colour[which, 0])
+        if pictured.start[surface + 1] > pictured.start[surface] and not is_stated:
+            add_pictured_ground(surface, x, y, side, pictured, seed, weight[:, surface] / grey, total)
+            continue
         count, in_frame = 0, surface in (GroundSurface.SLABS, GroundSurface.SETTS)
         for k in range(n):
             if weight[k, surface] > 1e-3:
@@ -130,18 +138,17 @@ def ground_colour(
                 count += 1
         if count == 0:
             continue
-        which, tint = SURFACE_GRAINS[surface], SURFACE_COLOURS[surface].copy()
-        if which >= 0 and surface != GroundSurface.TRACK and not np.isnan(grains.colour[which, 0]):
+        if is_stated:
             for band in range(3):
                 tint[band] = grains.colour[which, band] / MEAN_TONES[surface]
         ground_tone(surface, px[:count], py[:count], pa[:count], ps[:count], grains, seed, tone[:count])
         for i in range(count):
             k = member[i]
             for band in range(3):
-                total[band, k] += weight[k, surface] * tone[i] * tint[band]
+                total[k, band] += weight[k, surface] * tone[i] * tint[band]
     for k in range(n):
         for band in range(3):
-            out[k, band] = to_byte((total[band, k] * (1 - hidden[k]) + over[k]) * grey * light[k])
+            out[k, band] = to_byte((total[k, band] * (1 - hidden[k]) + over[k]) * grey * light[k])
 
 
 @njit(cache=True, nogil=True)

@@ -126,6 +126,33 @@ RELIEF = ReliefSettings()
 
 
 @dataclass(frozen=True, slots=True)
+class PicturedGroundSettings:
+    """Ground of a surface after what pictures show of it; chosen by eye on three panoramas of Amsterdam.
+
+    Attributes
+    ----------
+    square_m : side of the squares whose mean colours are compared, and rim of what is not plain.
+    max_log_deviation : log ratio of such a mean to the typical colour that still counts as plain.
+    max_detail_deviations : deviation of a texel from its square, in medians, beyond which it is a thing of its own.
+    shading_m : broader variation is light, not texture.
+    spacings_m : distances of windows that are tried, the largest first.
+    min_area_m2 : area over which the middles of windows must spread.
+    max_windows : windows that are kept.
+    """
+
+    square_m: float = 0.4
+    max_log_deviation: float = 0.14
+    max_detail_deviations: float = 4.5
+    shading_m: float = 2.0
+    spacings_m: tuple[float, ...] = (2.4, 1.6, 1.0, 0.7)
+    min_area_m2: float = 4.0
+    max_windows: int = 400
+
+
+PICTURED_GROUND = PicturedGroundSettings()
+
+
+@dataclass(frozen=True, slots=True)
 class StainSettings:
     """Stains of walls.
 
@@ -176,7 +203,7 @@ TILED_MATERIAL = TiledMaterialSettings()
 
 
 class GroundKernelSettings(NamedTuple):
-    """Kerbs, gutters and leaves on the ground.
+    """Kerbs, gutters, leaves and pictured ground.
 
     Attributes
     ----------
@@ -188,6 +215,7 @@ class GroundKernelSettings(NamedTuple):
     leaf_patch_cells : side of a patch of equal density, cells.
     leaf_length_m : longest side of a leaf.
     wheel_offset_m : distance of a wheel track from the middle of its lane.
+    window_grain_weight : by how much bright grain decides between windows of pictured ground.
     """
 
     kerb_m: float = 0.18
@@ -200,6 +228,7 @@ class GroundKernelSettings(NamedTuple):
     leaf_patch_cells: int = 24
     leaf_length_m: float = 0.07
     wheel_offset_m: float = 0.85
+    window_grain_weight: float = 0.15
 
 
 GROUND_KERNELS = GroundKernelSettings()

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
 
 from facade_core.core.arrays import Float64Array, UInt8Array
-from facade_core.core.types import MappedGround, Street
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
 from facade_core.street.materials.field import MaterialField
-from facade_core.street.materials.grain import GrainTables
-from facade_core.street.materials.tiled_material import TiledMaterial
 from facade_core.street.propagation.render import RenderedPanorama
 
 # Lower bound of the cosine of incidence, for footprints near the horizon.
@@ -34,20 +30,9 @@ class MaterialFieldTranslator:
     `materials` is a function of the world point, so that every viewpoint paints the same ground.
     """
 
-    def __init__(
-        self,
-        scene: Scene,
-        streets: Sequence[Street],
-        *,
-        seed: int,
-        roof_material: TiledMaterial | None = None,
-        ground: MappedGround | None = None,
-        grains: GrainTables | None = None,
-    ) -> None:
+    def __init__(self, scene: Scene, materials: MaterialField) -> None:
         self._normal = scene.charts.normals()
-        self.materials = MaterialField(
-            scene, streets, seed=seed, roof_material=roof_material, ground=ground, grains=grains
-        )
+        self.materials = materials
 
     def translate(self, panorama: RenderedPanorama) -> UInt8Array:
         """Return the fully textured panorama, (h, w, 3) uint8."""

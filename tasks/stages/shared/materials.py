@@ -11,7 +11,10 @@ import numpy as np
 
 from catalogs.readers.pictures.aerial import Orthophoto
 from catalogs.readers.pictures.materials import MaterialPicture
+from facade_core.atlas.journal import latest_chart_digests, read_journal
+from facade_core.atlas.rasters import TexelLayout, read_rasters
 from facade_core.core.errors import InputError
+from facade_core.core.provenance import Provenance
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.overhead_view import upward_roof_mask
 from facade_core.plan.plan import Plan
@@ -19,8 +22,12 @@ from facade_core.street.materials.field import MaterialField
 from facade_core.street.materials.grain import GrainTables, learn_grain
 from facade_core.street.materials.grain_file import load_grain_tables
 from facade_core.street.materials.tiled_material import TiledMaterial
+from tasks.engine.run import Run
 from tasks.stages.shared.images import read_bounded_picture
+from tasks.stages.shared.scene_view import StoredCharts, store_charts
 
+# Ground charts, of up to 32 m, from which examples of ground are learnt.
+MAX_GROUND_PICTURES = 8
 # Places along either side of a roof that are looked for on the picture.
 SAMPLES_PER_SIDE = 8
 
@@ -51,6 +58,31 @@ def material_field(
     return MaterialField(plan.scene, plan.streets, seed=seed, roof_material=laid, ground=plan.ground, grains=own)
 
 
+def pictured_ground(run: Run, plan: Plan, group: StoreGroup) -> StoredCharts:
+    """Return the ground charts of which examples of ground are learnt."""
+    return store_charts(run, plan, *_pictured_charts(plan, group))
+
+
+def _pictured_charts(plan: Plan, group: StoreGroup) -> tuple[list[int], dict[str, str]]:
+    """Return the ground charts that panoramas show, a few if there are many, and the digests of all of these."""
+    digests = latest_chart_digests(read_journal(group, "grounds"), [])
+    shown = [chart for chart in plan.ground_near_cameras().tolist() if f"{plan.ids[chart]:016x}" in digests]
+    kept = np.linspace(0, len(shown) - 1, min(len(shown), MAX_GROUND_PICTURES)).astype(np.int64)
+    return [shown[number] for number in kept.tolist()], digests
+
+
+def with_pictured_ground(field: MaterialField, plan: Plan, group: StoreGroup, charts: Sequence[int]) -> MaterialField:
+    """Return the material field with ground as the base layer of some ground charts shows it; itself without any."""
+    placement = plan.scene.placement
+    shown = {}
+    for chart in charts:
+        layout = TexelLayout.of_charts(placement, [chart])
+        size = int(placement.height[chart]), int(placement.width[chart])
+        rgb, evidence = (read_rasters(group[f"atlas/{name}"], placement, layout) for name in ("seed", "seed_evidence"))
+        shown[chart] = rgb.reshape(*size, 3), evidence.reshape(size) == Provenance.PHOTO
+    return field.with_pictured_ground(shown) if shown else field
+
+
 def grain_tables_from_pictures(pictures: Sequence[MaterialPicture]) -> GrainTables | None:
     """Build grain tables with grains learnt from a block's pictures; None without any."""
     examples = {}
@@ -68,12 +100,13 @@ def rebuild_material_field(group: StoreGroup, plan: Plan) -> MaterialField | Non
         return None
     roofs = cast(tuple[str, float] | None, group.attrs["roof_material"])
     pictures = cast(Sequence[tuple[str, str, float]], group.attrs.get("materials", []))
-    return material_field(
+    field = material_field(
         plan,
         cast(int, group.attrs["seed"]),
         None if roofs is None else (Path(roofs[0]), float(roofs[1])),
         [MaterialPicture(name, Path(path), metres) for name, path, metres in pictures],
     )
+    return with_pictured_ground(field, plan, group, _pictured_charts(plan, group)[0])
 
 
 def roof_material(roofs: tuple[Path, float] | None, texels_per_metre: float) -> TiledMaterial | None:

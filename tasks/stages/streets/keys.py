@@ -21,6 +21,7 @@ from facade_core.plan.plan import Plan
 from tasks.engine.inputs import CODE, digest_values, join_key
 from tasks.engine.run import Run
 from tasks.engine.stage_code import stage_code_digest
+from tasks.stages.shared.materials import pictured_ground
 from tasks.stages.streets.panoramas import is_panorama_in_report
 from tasks.stages.streets.record import ViewpointRecord
 
@@ -65,7 +66,7 @@ def street_keys(
 
     viewpoints = plan.street_viewpoints(street)
     blends = run.texture.translator == "neural"
-    code, settings = stage_code_digest("streets", neural=blends), _settings(run, plan)
+    code, settings = stage_code_digest("streets", neural=blends), _settings(run, plan, group)
     charts = plan.charts_of_street(street)
     seeds = _base_layer_records(plan, records, charts)
     shown = _camera_records(plan, records, charts)
@@ -108,7 +109,7 @@ def street_keys(
     )
 
 
-def _settings(run: Run, plan: Plan) -> dict[str, object]:
+def _settings(run: Run, plan: Plan, group: StoreGroup) -> dict[str, object]:
     settings: dict[str, object] = {"seed": run.seed} | {name: getattr(run.texture, name) for name in KEY_SETTINGS}
     if run.roof_material is not None:
         path, metres_per_pixel = run.roof_material
@@ -117,6 +118,7 @@ def _settings(run: Run, plan: Plan) -> dict[str, object]:
         settings["materials"] = [[one.name, one.metres, file_digest(one.path)] for one in run.materials]
     if run.texture.translator == "neural" and run.models.translator:
         settings["network"] = file_digest(run.models.translator)
+    settings["pictured_ground"] = pictured_ground(run, plan, group).known
     return settings | {"spacing": plan.scene.spacing, "visibility_range": plan.scene.visibility_range}
 
 

@@ -26,9 +26,10 @@ from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.surfaces import paint_visible_texels
 from facade_core.street.translator import neural_translator
 from facade_core.street.translator.translators import MaterialFieldTranslator, Translator
-from tasks.engine.context import current_worker_name, current_worker_threads, load_run_plan
+from tasks.engine.context import current_worker_name, current_worker_threads, load_run_plan, reading_store
 from tasks.engine.run import Run
-from tasks.stages.shared.materials import grain_tables_from_pictures, roof_material
+from tasks.stages.shared.materials import material_field, pictured_ground, with_pictured_ground
+from tasks.stages.shared.scene_view import StoredCharts
 from tasks.stages.streets.panoramas import is_panorama_in_report, read_base_layer, render_field_panorama
 from tasks.stages.streets.record import StreetRecord, StreetResult, ViewpointResult
 
@@ -49,17 +50,17 @@ class StreetWorkerContext:
     field: MaterialField | None
 
 
+def load_street_worker_context(run: Run, group: StoreGroup) -> StreetWorkerContext:
+    """Load the plan and the translator of a run, once per process and state of the pictured ground."""
+    with reading_store(group):
+        return _load_context(run, pictured_ground(run, load_run_plan(run), group))
+
+
 @lru_cache(maxsize=2)
-def load_street_worker_context(run: Run) -> StreetWorkerContext:
-    """Load the plan and the translator of a run, once per process."""
+def _load_context(run: Run, pictured: StoredCharts) -> StreetWorkerContext:
     plan = load_run_plan(run)
-    laid, own = (
-        roof_material(run.roof_material, run.texture.texels_per_metre),
-        grain_tables_from_pictures(run.materials),
-    )
-    painter = MaterialFieldTranslator(
-        plan.scene, plan.streets, seed=run.seed, roof_material=laid, ground=plan.ground, grains=own
-    )
+    field = material_field(plan, run.seed, run.roof_material, run.materials)
+    painter = MaterialFieldTranslator(plan.scene, with_pictured_ground(field, plan, pictured.store, pictured.charts))
     if run.texture.translator == "neural":
         network = neural_translator.load_colour_network(run.models.translator or neural_translator.SHIPPED_TRANSLATOR)
         return StreetWorkerContext(plan, neural_translator.NeuralTranslator(network, painter), None)
@@ -116,7 +117,7 @@ def _process_viewpoint(run: Run, group: StoreGroup, street: int, step: int, stre
     With a material field no street reads the panorama: the texels in view are marked, and few panoramas are stored.
     """
     start = time.time()
-    here = load_street_worker_context(run)
+    here = load_street_worker_context(run, group)
     entry = (run, street, street_key)
     # what a field answers does not depend on the viewpoints before, which the window need not have seen
     progress, mark = _take_buffer(entry, here, group, step if here.field is None else None)
@@ -169,8 +170,8 @@ def write_street_texels(
 ) -> tuple[ForkSession, StreetResult]:
     """Write the colour and view count of a street's charts after its `steps` viewpoints."""
     start = time.time()
-    here = load_street_worker_context(run)
     group = open_root(fork)
+    here = load_street_worker_context(run, group)
     window = _take_buffer((run, street, street_key), here, group, steps)[0].window
     with _taking:
         _streets.pop((run, street, street_key), None)

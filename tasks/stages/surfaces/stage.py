@@ -22,8 +22,9 @@ from tasks.engine.run import Run
 from tasks.engine.stage import ForecastInputs, Stage, StageForecast, UnitOutline
 from tasks.engine.unit import Unit
 from tasks.stages.shared.base_layer import BASE_LAYER_STAGES
+from tasks.stages.shared.materials import pictured_ground
 from tasks.stages.shared.memory import FINISHED_TEXEL, LIBRARY_BYTES
-from tasks.stages.shared.scene_view import SceneView, store_charts, view_charts
+from tasks.stages.shared.scene_view import SceneView, StoredCharts, store_charts, view_charts
 from tasks.stages.shared.view_inputs import bounding_box
 from tasks.stages.streets.record import StreetRecord
 from tasks.stages.surfaces.worker import SurfaceInputs, compute_surface, write_surface
@@ -54,9 +55,10 @@ def list_surface_units(run: Run, block: Block, plan: Plan, group: StoreGroup) ->
     streets = latest_chart_digests([], read_journal(group, "streets", StreetRecord))
     texels = plan.texel_counts()
     is_ground = plan.scene.charts.kind == ChartKind.GROUND
+    pictured = pictured_ground(run, plan, group)
     units = []
     for index, (name, charts) in enumerate(buildings_and_ground_pieces(plan)):
-        inputs = surface_inputs(run, plan, charts, _charts_beside(plan, charts), seeds, streets, walls)
+        inputs = surface_inputs(run, plan, charts, _charts_beside(plan, charts), seeds, streets, pictured, walls)
         has_seeds = bool(inputs.seeds.charts_with_texels)
         continued = any(inputs.pictured) or (has_seeds and bool(is_ground[charts[0]]))
         memory = surface_memory(texels[charts], continued=continued)
@@ -77,6 +79,7 @@ def surface_inputs(
     beside: Sequence[int],
     seeds: Mapping[str, str],
     streets: Mapping[str, str],
+    pictured: StoredCharts,
     walls: Collection[str] = (),
 ) -> SurfaceInputs:
     """Return the inputs of the charts of a unit.
@@ -87,6 +90,7 @@ def surface_inputs(
     beside : neighbouring charts to which it is levelled.
     seeds : digests of the base layer of charts, by id.
     streets : digests of street texels of charts, by id.
+    pictured : ground that panoramas show.
     walls : ids of the charts that show camera pictures.
     """
     low, high = bounding_box(plan, charts)
@@ -104,6 +108,7 @@ def surface_inputs(
         seeds=store_charts(run, plan, reads, seeds),
         pictured=tuple(name in walls for name in names),
         streets=store_charts(run, plan, reads, streets),
+        pictured_ground=pictured if is_ground else store_charts(run, plan, (), {}),
         views=tuple(_viewpoint_positions(plan, chart) for chart in charts) if is_neural else (),
         aerial=run.aerial if is_ground else None,
         roof_material=run.roof_material,
@@ -144,6 +149,8 @@ def _forecast(inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast:
     for street in inputs.pending["streets"]:
         charts = plan.charts_of_street(street)
         again[charts[plan.writable[charts]]] = True
+    if again[plan.ground_near_cameras()].any():  # other ground looks as panoramas show these pieces
+        again |= plan.scene.charts.kind == ChartKind.GROUND
     following = {unit.index: INPUTS_PENDING for unit in inputs.units["surfaces"] if again[list(unit.charts)].any()}
     return StageForecast(following | dict(own))
 

@@ -36,7 +36,7 @@ from tasks.engine.inputs import (
     input_field,
 )
 from tasks.engine.run import Run
-from tasks.stages.shared.materials import material_field
+from tasks.stages.shared.materials import material_field, with_pictured_ground
 from tasks.stages.shared.scene_view import SceneView, StoredCharts
 
 
@@ -52,6 +52,7 @@ class SurfaceInputs:
     seeds : base layer of these charts: of walls and roofs from panoramas, facades and textures.
     pictured : whether each of them shows camera pictures of a wall or roof.
     streets : texels of streets on these charts.
+    pictured_ground : ground that panoramas show, after which other ground looks; none for charts of buildings.
     views : positions of viewpoints that see each of the charts, where panoramas are translated.
     aerial : picture of ground from above.
     roof_material, materials : own pictures of materials.
@@ -68,6 +69,7 @@ class SurfaceInputs:
     seeds: StoredCharts = input_field(INPUTS_PENDING)
     pictured: tuple[bool, ...] = input_field(INPUTS_PENDING)
     streets: StoredCharts = input_field(INPUTS_PENDING)
+    pictured_ground: StoredCharts = input_field(INPUTS_PENDING)
     views: tuple[tuple[tuple[float, ...], ...], ...] = input_field(VIEW_CHANGED)
     aerial: Orthophoto | None = input_field("orthophoto changed")
     roof_material: tuple[Path, float] | None = input_field(SETTINGS_CHANGED)
@@ -93,7 +95,9 @@ def compute_surface(inputs: SurfaceInputs) -> FinishedSurfaces:
     start = time.time()
     charts, scene = inputs.view.charts, inputs.around.scene
     group, plan = inputs.seeds.store, inputs.view.plan
-    field = _material_field(inputs.ground.run, inputs.seed, inputs.roof_material, inputs.materials)
+    field = _material_field(
+        inputs.ground.run, inputs.seed, inputs.roof_material, inputs.materials, inputs.pictured_ground
+    )
     prepared = time.time()
     scene.daylight.compute(np.array(charts))  # all at once: each call casts rays of its own
     seeded, written = inputs.seeds.charts_with_texels, inputs.streets.charts_with_texels
@@ -137,11 +141,17 @@ def write_surface(atlas: Atlas, _unit: object, result: FinishedSurfaces) -> dict
     return fields | describe_completeness([result.provenance])
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=4)
 def _material_field(
-    run: Run, seed: int, roof_material: tuple[Path, float] | None, materials: tuple[MaterialPicture, ...]
+    run: Run,
+    seed: int,
+    roof_material: tuple[Path, float] | None,
+    materials: tuple[MaterialPicture, ...],
+    pictured: StoredCharts,
 ) -> MaterialField:
-    return material_field(load_run_plan(run), seed, roof_material, materials)
+    plan = load_run_plan(run)
+    field = material_field(plan, seed, roof_material, materials)
+    return with_pictured_ground(field, plan, pictured.store, pictured.charts)
 
 
 def _add_wall_material(

@@ -15,6 +15,7 @@ from facade_core.geometry.ground.settings import MARKS, SHAPES
 from facade_core.geometry.ground.shapes import GroundTiles
 from facade_core.street.materials.grain_file import load_shipped_grain_tables
 from facade_core.street.materials.ground_kernels import ground_colour
+from facade_core.street.materials.pictured_ground import learn_pictured_ground
 from facade_core.street.materials.procedural import SURFACE_COLOURS, GroundSurface
 
 MAIN = GroundWay("main", shapely.LineString([(-200, 10), (300, 14)]), "road", 8.0, "setts", pavement=(3.0, 3.0), rank=5)
@@ -46,6 +47,7 @@ def colours(ground: MappedGround, x: np.ndarray, y: np.ndarray, side: float, squ
         np.full(len(x), side),
         squares(ground, square).build_arrays([0]),
         load_shipped_grain_tables(),
+        learn_pictured_ground([], len(SURFACE_COLOURS)),
         1,
         np.ones(len(x)),
         1.0,

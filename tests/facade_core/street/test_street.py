@@ -21,6 +21,7 @@ from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
 from facade_core.geometry.visible_tiles import mark_visible_texel_tiles
+from facade_core.street.materials.field import MaterialField
 from facade_core.street.propagation.propagate import propagate_panorama
 from facade_core.street.propagation.render import render_panorama
 from facade_core.street.propagation.texel_buffer import TexelBuffer
@@ -135,7 +136,7 @@ def test_views_beyond_the_range_do_not_count(scene: Scene) -> None:
 
 
 def test_swatches_keep_textured_pixels_and_paint_all_others(scene: Scene) -> None:
-    swatches = MaterialFieldTranslator(scene, [STREET], seed=1)
+    swatches = MaterialFieldTranslator(scene, MaterialField(scene, [STREET], seed=1))
     panorama = render_panorama(scene, window(scene, []), camera(), (64, 128))
     panorama.textured[40:50] = True
     kept = panorama.rgb[40:50].copy()

@@ -75,6 +75,7 @@ def street(height, width):
     from facade_core.geometry.ground.terrain import build_terrain
     from facade_core.geometry.scene import Scene
     from facade_core.geometry.streets import Viewpoint
+    from facade_core.street.materials.field import MaterialField
     from facade_core.street.propagation.blend import blend_views
     from facade_core.street.propagation.propagate import propagate_panorama
     from facade_core.street.propagation.render import render_panorama
@@ -89,7 +90,7 @@ def street(height, width):
     density = float(height)  # texels per metre
     placement = pack_charts(charts.size, density, charts.building, page=4096, chunk=256, gutter=2)
     scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, density, page=4096))
-    translator = MaterialFieldTranslator(scene, [line], seed=1)
+    translator = MaterialFieldTranslator(scene, MaterialField(scene, [line], seed=1))
     scene.cast_panorama(Viewpoint(0, 0, np.array([0.0, -8.0, 2.5]), np.array([1.0, 0.0])), width)
     chosen = range(len(charts))
 

@@ -36,6 +36,7 @@ from tasks.stages.facades.imagery import ChosenExemplar, FacadeImagery
 from tasks.stages.facades.stage import facade_inputs
 from tasks.stages.order import STAGE_NAMES
 from tasks.stages.poses.stage import list_pose_units
+from tasks.stages.shared.scene_view import store_charts
 from tasks.stages.streets.keys import KEY_SETTINGS, StreetKeys, street_keys
 from tasks.stages.streets.panoramas import is_panorama_in_report
 from tasks.stages.surfaces.stage import surface_inputs
@@ -404,7 +405,9 @@ def test_pictures_of_materials_are_in_the_keys_of_surfaces_and_of_streets(tmp_pa
 
     def keys(*pictures: MaterialPicture) -> tuple[str, str]:
         run = replace(RUN, materials=pictures)
-        surface = join_key(digest_inputs(surface_inputs(run, plan, charts, [], {}, {})))
+        surface = join_key(
+            digest_inputs(surface_inputs(run, plan, charts, [], {}, {}, store_charts(run, plan, (), {})))
+        )
         return surface, street_keys(run, plan, seeded(plan, {}, {}), 0).street
 
     path = tmp_path / "slabs.png"
@@ -429,7 +432,7 @@ def test_a_sun_is_in_the_keys_of_surfaces_alone_and_reaches_as_far_as_shadows() 
     def key(run: Run, *kinds: str) -> str:
         plan = planned(*kinds)
         charts = np.flatnonzero(plan.scene.charts.building == plan.scene.names.index("a")).tolist()
-        return join_key(digest_inputs(surface_inputs(run, plan, charts, [], {}, {})))
+        return join_key(digest_inputs(surface_inputs(run, plan, charts, [], {}, {}, store_charts(run, plan, (), {}))))
 
     sunny = changed(RUN, {"sun": SunSettings(200.0, 30.0)})
     assert {"sun"} <= set(differing_inputs(key(RUN), key(sunny))) <= {"sun", "around"}

@@ -118,12 +118,8 @@ def test_two_copies_of_a_viewpoint_in_one_process_do_not_share_a_window(
         copy.join()
     assert windows[0] is not windows[1]
     assert all(np.array_equal(a, b) for a, b in zip(alone, kept(), strict=True))
-    viewpoint._take_buffer(
-        (ready, 0, "other"),
-        viewpoint.load_street_worker_context(ready),
-        open_root(open_repository(ready.store).readonly_session(BRANCH)),
-        0,
-    )
+    group = open_root(open_repository(ready.store).readonly_session(BRANCH))
+    viewpoint._take_buffer((ready, 0, "other"), viewpoint.load_street_worker_context(ready, group), group, 0)
     assert [key for _, _, key in viewpoint._streets] == ["other"]  # a thread keeps one
     viewpoint._streets.clear()
 
