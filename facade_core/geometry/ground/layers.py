@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 from shapely import LineString, Polygon
+from shapely.ops import substring
 
 from facade_core.core.arrays import Float64Array
 from facade_core.core.types import SURFACES, GroundArea, GroundWay
@@ -90,8 +91,10 @@ def ground_layers(
     for way in roads:
         for side, wide in zip((1.0, -1.0), way.pavement, strict=True):
             if wide > 0:
-                strip = way.line.buffer(side * (way.width / 2 + wide), single_sided=True, join_style="mitre")
-                shapes.setdefault(PAVEMENT_LAYER, []).append(strip)
+                strips = shapely.buffer(
+                    _open_lines(way.line), side * (way.width / 2 + wide), single_sided=True, join_style="mitre"
+                )
+                shapes.setdefault(PAVEMENT_LAYER, []).extend(strips)
         if min(way.pavement) > 0:
             for end in (way.line.coords[0], way.line.coords[-1]):
                 corner = shapely.Point(end)
@@ -105,6 +108,11 @@ def ground_layers(
     if not carriageway.is_empty:
         shapes[ROAD_LAYER] = [carriageway]
     return {layer: _close_slits(shapely.union_all(found), settings) for layer, found in sorted(shapes.items())}
+
+
+def _open_lines(line: LineString) -> list[LineString]:
+    """Return a line, or the halves of a ring: GEOS buffers one side of open lines only."""
+    return [substring(line, start, start + 0.5, normalized=True) for start in (0.0, 0.5)] if line.is_ring else [line]
 
 
 def _close_slits(shape: shapely.Geometry, settings: LayerSettings) -> shapely.Geometry:

@@ -10,6 +10,7 @@ import shapely
 
 from facade_core.core.types import GroundArea, GroundWay, MappedGround
 from facade_core.geometry.charts import ChartKind, Charts
+from facade_core.geometry.ground.layers import PAVEMENT_LAYER, ground_layers, join_carriageways
 from facade_core.geometry.ground.marks import GroundMarkKind, ground_marks
 from facade_core.geometry.ground.settings import MARKS, SHAPES
 from facade_core.geometry.ground.shapes import GroundTiles
@@ -169,3 +170,12 @@ def test_cars_stop_on_their_own_half_before_a_crossing_and_before_a_road_of_high
         for i in range(40)
     ]
     assert 4 < sum(chosen) < 36
+
+
+def test_the_pavement_of_a_ring_lies_along_all_of_it_on_both_sides() -> None:
+    ring = shapely.LineString(shapely.Point(0, 0).buffer(30).exterior.coords)
+    way = GroundWay("ring", ring, "road", 7.0, "asphalt", pavement=(5.0, 2.0))
+    for line, out, into in ((ring, 2.0, 5.0), (ring.reverse(), 5.0, 2.0)):
+        layers = ground_layers([], [replace(way, line=line)], join_carriageways([replace(way, line=line)])[0])
+        inner, outer = 26.5 - out, 33.5 + into
+        assert layers[PAVEMENT_LAYER].area == pytest.approx(np.pi * (outer**2 - inner**2), rel=0.01)
