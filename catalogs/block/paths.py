@@ -57,6 +57,8 @@ def hide_variable_values(message: str, file: Path) -> str:
         return message
     for name in names:
         value = os.environ.get(name, "")
+        if not value:  # which would stand for the working directory
+            continue
         for shown in (os.path.abspath(os.path.expanduser(value)), os.path.realpath(value), value):
             if len(shown) >= _MIN_HIDDEN_LENGTH:
                 message = message.replace(shown, f"${{{name}}}")
@@ -85,8 +87,11 @@ def resolve_path(key: str, text: str, file: Path, *, is_folder: bool, file_kind:
     try:
         kind = path.stat().st_mode
     except (FileNotFoundError, NotADirectoryError):
-        close = suggest_similar_file_name(path)
-        remedy = f"did you mean {close}?" if close else f"paths are relative to the {file_kind}"
+        remedy = f"paths are relative to the {file_kind}"
+        if close := suggest_similar_file_name(path):
+            remedy = f"did you mean {close}?"
+        elif variable := _VARIABLE.search(text):
+            remedy = f"check the environment variable {variable[1]}"
         raise ValueError(f"{key}: {shorten_path(path)} does not exist; {remedy}") from None
     except OSError as error:  # name too long, cyclic links, no permission
         raise ValueError(

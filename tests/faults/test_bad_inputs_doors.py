@@ -173,7 +173,18 @@ def test_values_of_environment_variables_are_not_shown(tmp_path: Path, monkeypat
     with pytest.raises(BlockFileError) as raised:
         read_block(tmp_path / "block.yaml")
     assert "hunter2" not in str(raised.value)
-    assert "${SECRET_PLACE}/b.geojson does not exist" in str(raised.value)
+    assert "${SECRET_PLACE}/b.geojson does not exist; check the environment variable SECRET_PLACE" in str(raised.value)
+
+
+def test_an_unset_variable_leaves_other_paths_of_the_message(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("UNSET_PLACE", raising=False)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "block.yaml").write_text("name: b\nbuildings: {path: '${UNSET_PLACE}/b.geojson'}\n")
+    with pytest.raises(BlockFileError) as raised:
+        read_block(tmp_path / "block.yaml")
+    assert str(raised.value).startswith(
+        f"{tmp_path / 'block.yaml'}: buildings.path: the environment variable UNSET_PLACE"
+    )
 
 
 CASES: dict[str, tuple[str, Any]] = {
