@@ -57,7 +57,7 @@ def parse_crs(text: str) -> CRS:
     from pyproj.exceptions import CRSError, ProjError
 
     shown = repr(text if len(text) <= _MAX_NAME_LENGTH else f"{text[:_MAX_NAME_LENGTH]}...")
-    remedy = "give one such as EPSG:4326 or EPSG:32635"
+    remedy = "give one such as EPSG:32635"
     if _GRID_FILE.search(text):
         raise InputError(f"{shown} names a grid file of this machine; {remedy}")
     try:
@@ -183,10 +183,11 @@ def _check_scale(crs: CRS, longitude: float, latitude: float) -> None:
             )
         far = max(scales, key=lambda scale: abs(scale - 1.0))
         remedy = f"give e.g. EPSG:{utm_crs(longitude, latitude).to_epsg()}, or leave crs out"
-        raise InputError(
-            f"{crs.to_string()} ({crs.name}) does not measure metres at {longitude:.4f}, {latitude:.4f} "
-            f"(scale {far:.3g}); {remedy}"
-        )
+        place = f"{longitude:.4f}, {latitude:.4f}"
+        fault = f"does not measure metres at {place} (scale {far:.3g})"
+        if note_outside_area_of_use(crs, longitude, latitude):
+            fault = f"does not cover {place}"
+        raise InputError(f"{crs.to_string()} ({crs.name}) {fault}; {remedy}")
 
 
 def _is_swapped_place(crs: CRS, longitude: float, latitude: float) -> bool:

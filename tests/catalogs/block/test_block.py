@@ -94,10 +94,14 @@ def test_streets_by_name_photos_by_facade_and_a_named_frame(read: Read, folder: 
         ),
         ("storey: [", {}, "line 6"),
         ("x: !!python/object:os.system 1", {}, "is a tag, and tags are not read; leave it out"),
-        ("crs: EPSG:99999", {}, "crs: 'EPSG:99999' is not a known CRS"),
+        ("crs: EPSG:99999", {}, "crs: 'EPSG:99999' is not a known CRS; give one such as EPSG:32635"),
         ("crs: EPSG:4326", {}, "crs: 'EPSG:4326' (WGS 84) is not projected in metres"),
         ("crs: EPSG:3857", {}, "crs: EPSG:3857 (WGS 84 / Pseudo-Mercator) does not measure metres"),
-        ("crs: EPSG:28992", {}, "give e.g. EPSG:32635, or leave crs out"),
+        (
+            "crs: EPSG:28992",
+            {},
+            "(Amersfoort / RD New) does not cover 24.9435, 60.1670; give e.g. EPSG:32635, or leave crs out",
+        ),
         ("", {"name": ""}, "name: missing; write name: my-block"),
         (
             "",
