@@ -114,10 +114,11 @@ def assemble_buildings(
     found.sort(key=lambda candidate: natural_sort_key(candidate.building.id))
     whole = [candidate for candidate in found if candidate.is_whole]
     parts = [candidate for candidate in found if not candidate.is_whole]
-    buildings, notes = _assume_heights(whole, [*around, *filter(_states_floor_height, parts)], floor_height)
+    buildings, known = _assume_heights(whole, [*around, *filter(_states_floor_height, parts)], floor_height)
     if parts:
         buildings = _add_parts(buildings, found, parts, floor_height, reasons)
-    return BlockBuildings(buildings, tuple(textures), format_reason_notes(reasons) + notes, tuple(faults))
+    notes = format_reason_notes(reasons) + _note_assumed_heights(buildings, known)
+    return BlockBuildings(buildings, tuple(textures), notes, tuple(faults))
 
 
 def _separate_solids(sources: Sequence[Footprints | BuildingModels]) -> Iterator[Footprints | BuildingModels]:
@@ -167,7 +168,7 @@ def _footprint_candidates(
     faults: list[Fault],
 ) -> list[_Candidate]:
     """Return the buildings of footprints in the area; `around` receives nearby ones of known height."""
-    pieces = _drop_repeated_outlines(_split_outlines(source, crs, area, reasons, faults), reasons)
+    pieces = _drop_repeated_outlines(_split_outlines(source, crs, area, reasons, faults), area, reasons)
     candidates: list[_Candidate] = []
     host_indices = host_outline_indices(
         [outline for _, _, outline in pieces], [footprint.is_part for footprint, _, _ in pieces]
@@ -216,7 +217,7 @@ def _split_outline(
     """Return the polygons of an outline that are large enough; InputError with its defect."""
     smallest = SITES.min_part_m2 if footprint.is_part else SITES.min_footprint_m2
     outline = _without_stray_holes(stated)
-    if outline is not stated:
+    if outline is not stated and _may_intersect(outline, area):
         reasons["holes outside their outlines ignored"].append(footprint.id)
     if defect := _find_defect(outline):
         raise InputError(defect)
@@ -225,13 +226,13 @@ def _split_outline(
         what = "parts of buildings" if footprint.is_part else "footprints"
         reason = f"{what} under {smallest:g} m2" if small else f"{what} that enclose no area"
         reasons[f"{reason} set aside"].append(footprint.id)
-    if large and shapely.is_valid_reason(outline).startswith("Self-intersection"):
+    if large and _may_intersect(outline, area) and shapely.is_valid_reason(outline).startswith("Self-intersection"):
         reasons["outlines that cross themselves in a sliver repaired"].append(footprint.id)
     return large
 
 
 def _drop_repeated_outlines(
-    pieces: list[tuple[Footprint, str, Polygon]], reasons: dict[str, list[str]]
+    pieces: list[tuple[Footprint, str, Polygon]], area: Polygon | None, reasons: dict[str, list[str]]
 ) -> list[tuple[Footprint, str, Polygon]]:
     """Return the pieces without those that repeat the outline and lower end of another; the highest is kept."""
     kinds = [
@@ -240,7 +241,9 @@ def _drop_repeated_outlines(
     ]
     heights = [one.height or SITES.assumed_floor_m * (one.levels or 0.0) for one, _, _ in pieces]
     repeated = find_repeated_outlines([outline for _, _, outline in pieces], kinds, heights).tolist()
-    reasons[REPEATED_REASON] += [id for (_, id, _), drop in zip(pieces, repeated, strict=True) if drop]
+    reasons[REPEATED_REASON] += [
+        id for (_, id, outline), drop in zip(pieces, repeated, strict=True) if drop and _may_intersect(outline, area)
+    ]
     return [piece for piece, drop in zip(pieces, repeated, strict=True) if not drop]
 
 
@@ -313,8 +316,8 @@ def _overlap(outline: BaseGeometry, other: BaseGeometry) -> bool:
 
 def _assume_heights(
     candidates: list[_Candidate], around: list[_Candidate], floor_height: float
-) -> tuple[tuple[Building, ...], tuple[str, ...]]:
-    """Return the buildings with heights and roofs, and a note on assumed heights."""
+) -> tuple[tuple[Building, ...], int]:
+    """Return the buildings with heights and roofs, and the number of stated heights that inform the assumed ones."""
     # floor counts of known heights end at the eaves, below assumed roofs
     known_roofs = [
         add_assumed_roofs(_apply_stated_heights(some, floor_height), [one.footprint for one in some])
@@ -324,14 +327,17 @@ def _assume_heights(
     every = assume_heights(
         [*known_roofs[0], *known_roofs[1]], [*stated, *(one.footprint for one in around)], floor_height
     )
-    roofed = add_assumed_roofs(every[: len(candidates)], stated)
-    unknown = [building.height for building in roofed if building.height_source == "default"]
-    if not unknown:
-        return roofed, ()
     known = sum(building.height_source in ("height", "levels") for building in every)
+    return add_assumed_roofs(every[: len(candidates)], stated), known
+
+
+def _note_assumed_heights(buildings: Sequence[Building], known: int) -> tuple[str, ...]:
+    unknown = [building.height for building in buildings if building.height_source == "default"]
+    if not unknown:
+        return ()
     span = f"{min(unknown):g} m" if min(unknown) == max(unknown) else f"{min(unknown):g} to {max(unknown):g} m"
     origin = f"by the {known} known and by size" if known else "since none is known"
-    return roofed, (f"{len(unknown)} of {len(roofed)} buildings state no height: {span} assumed, {origin}",)
+    return (f"{len(unknown)} of {len(buildings)} buildings state no height: {span} assumed, {origin}",)
 
 
 def _apply_stated_heights(candidates: list[_Candidate], floor_height: float) -> list[Building]:

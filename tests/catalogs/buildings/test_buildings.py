@@ -188,8 +188,13 @@ def test_slivers_are_repaired_and_named() -> None:
     corners = np.array([(0, 0), (20, 0), (20, 20), (10, 20), (10, 20.01), (10.01, 19.99), (9.99, 20), (0, 20)])
     sliver = Polygon(corners)
     assert not sliver.is_valid
-    built = assemble_buildings(
-        [Footprints("EPSG:28992", (footprint("a", sliver, 9.0),))], RD, area=None, floor_height=3.2
-    )
-    assert len(built.items) == 1
-    assert "outlines that cross themselves in a sliver repaired: 1 (a)" in built.notes
+    source = Footprints("EPSG:28992", (footprint("a", sliver, 9.0), footprint("b", box(100, 0, 120, 20), 9.0)))
+    note = "outlines that cross themselves in a sliver repaired: 1 (a)"
+    for area, ids, is_noted in (
+        (None, ["a", "b"], True),
+        (box(-9, -9, 50, 50), ["a"], True),
+        (box(90, -9, 150, 50), ["b"], False),
+    ):
+        built = assemble_buildings([source], RD, area=area, floor_height=3.2)
+        assert [one.id for one in built.items] == ids
+        assert (note in built.notes) == is_noted

@@ -63,6 +63,7 @@ def test_a_passage_stays_open_and_what_lies_all_in_a_building_goes_down_to_it() 
     passage = part("p", shapely.box(10, 0, 16, 20), height=18.0, min_height=4.0)
     found = by_id(whole(18.0), passage)
     assert {"w-0", "w-1", "p"} == set(found)
+    assert block(whole(), passage).notes == ("2 of 3 buildings state no height: 12 m assumed, since none is known",)
     assert found["w-0"].part_of == found["w-1"].part_of == "w"
     assert found["p"].raised == 4.0
     lantern = part("p", shapely.box(10, 5, 16, 15), height=20.0, min_height=16.0)
