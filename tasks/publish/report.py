@@ -9,7 +9,6 @@ from pathlib import Path
 from catalogs.published.columns import ItemRow
 from catalogs.published.report import ReportContent, ReportExemplar, write_report
 from catalogs.published.snapshot import SnapshotFolder
-from facade_core.atlas.table_schema import TableValues
 from facade_core.geometry.walls import WALL_ROLES, WallRole
 from facade_core.plan.settings import EXEMPLAR_CHOICE
 from tasks.engine.run import Run
@@ -65,7 +64,7 @@ def write_block_report(
                 for record, stated in zip(block.refined_poses, block.plan.poses, strict=True)
                 if record and record["status"] == "done" and not record.get("is_unused")
             ],
-            heights=_count_height_sources(block.buildings),
+            heights=Counter(block.buildings["height_source"]),
             views=images.views,
             panoramas=images.panoramas,
             sheets=images.sheets,
@@ -87,9 +86,3 @@ def write_block_report(
             before=images.before,
         ),
     )
-
-
-def _count_height_sources(buildings: TableValues) -> Counter[str]:
-    """Count buildings by the source of their height; parts count in place of their whole."""
-    sources = zip(buildings["height_source"], buildings["part_of"], strict=True)
-    return Counter(source for source, whole in sources if not whole)

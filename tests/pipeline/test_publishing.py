@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -36,7 +37,7 @@ from tasks.engine.pending import find_pending_units
 from tasks.engine.run_key import create_run
 from tasks.engine.store.integrity import is_store_marked_suspect, repair_store
 from tasks.engine.store.status import completion_summary, explain_unpublished
-from tasks.publish.stored_block import read_stored_block
+from tasks.publish.stored_block import StoredBlock, read_stored_block
 from tasks.publish.task import publish_block
 from tasks.stages.pictures import stage as pictures
 from tasks.stages.pictures.stage import PICTURES
@@ -322,6 +323,12 @@ def test_the_report_is_an_index_with_pages_for_each_street(
     shutil.rmtree(folder / "out" / "published")
     monkeypatch.setattr(pictures, "MAX_STAGED_PER_STREET", 1)
     monkeypatch.setattr("catalogs.published.report.MAX_FACADES_PER_PAGE", 1)
+
+    def with_a_part(*given: Any) -> StoredBlock:
+        block = read_stored_block(*given)
+        return replace(block, buildings={**block.buildings, "part_of": ["b", *block.buildings["part_of"][1:]]})
+
+    monkeypatch.setattr("tasks.publish.task.read_stored_block", with_a_part)
     report = again(folder)[2].report
     pages = sorted(report.rglob("*.html"))
     facades = query(folder / "out", where="role = 'street'")
@@ -345,6 +352,7 @@ def test_the_report_is_an_index_with_pages_for_each_street(
     assert len(set(shown.values())) == len(facades), "one to a page"
     assert sorted(drawn) == sorted((report / "images").iterdir()), "each is shown once"
     index = lxml.html.document_fromstring((report / "index.html").read_text("utf-8"))
+    assert "5 buildings, height from height" in index.text_content(), "with the parts of buildings"
     to_look_at = {urlparse(one.get("href")).fragment for one in index.iter("a")} - {""}
     assert to_look_at == set(facades["id"][~facades["quality"].isin(["good", "height-assumed"])]), "those to look at"
     for street, own in facades.groupby("street"):
