@@ -23,7 +23,7 @@ from catalogs.block.likely_shops import likely_shop_positions
 from catalogs.block.passages import open_passages, passage_ids
 from catalogs.block.streets import build_block_streets, clip_centrelines
 from catalogs.buildings.assembly import BlockBuildings, assemble_buildings
-from catalogs.buildings.axis_mistakes import note_local_coordinates, swapped_places
+from catalogs.buildings.axis_mistakes import SWAPPED_AXES_NOTE, note_local_coordinates, swapped_places
 from catalogs.buildings.extents import Bounds, check_area_span, locate_boxes, reject_stray_buildings
 from catalogs.buildings.surface_heights import measure_assumed_heights
 from catalogs.crs import LONLAT, bounds_to_lonlat, coordinate_transform
@@ -44,8 +44,6 @@ SURROUNDINGS_MARGIN_M = 200.0
 GROUND_MARGIN_M = 120.0
 # Distance of streets from the buildings: beyond the surroundings, four times the largest visibility range.
 MAX_STREET_DISTANCE_M = 1000.0
-# Remedy if the area holds buildings after swapping longitudes and latitudes.
-SWAPPED_AXES_NOTE = "latitudes come first there"
 
 
 @dataclass(frozen=True)

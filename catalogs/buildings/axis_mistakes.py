@@ -14,6 +14,9 @@ from facade_core.core.arrays import BoolArray, Float64Array
 if TYPE_CHECKING:
     from pyproj import CRS
 
+# Fault of an area that holds something once its longitudes and latitudes are swapped.
+SWAPPED_AXES_NOTE = "latitudes come first there"
+
 
 def axis_mistake(frame: CRS, boxes: Float64Array) -> str | None:
     """Return the likely mistake of boxes that all lie nowhere, or outside the area where their CRS is used.

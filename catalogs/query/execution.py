@@ -10,6 +10,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from catalogs.buildings.axis_mistakes import SWAPPED_AXES_NOTE
 from catalogs.published import object_store
 from catalogs.published.columns import COLUMNS, arrow_type
 from catalogs.published.folders import Folder, map_concurrently
@@ -60,9 +61,25 @@ def query(
     ------
     InputError : one line with the remedy.
     """
+    box, start = _parse_box(bbox), None if since is None else parse_since(since)
+    found = _select_rows(out, where, box, start, on_left_out)
+    if found.empty and box:
+        south, west, north, east = box
+        swapped = [west, south, east, north]
+        if not _select_rows(out, where, swapped, start, None).empty:
+            raise InputError(f"--bbox {_format_box(box)}: {SWAPPED_AXES_NOTE}: write {_format_box(swapped)}")
+    return found
+
+
+def _select_rows(
+    out: Folder | str,
+    where: str | None,
+    box: Sequence[float],
+    start: datetime | None,
+    on_left_out: Callable[[str], None] | None,
+) -> pd.DataFrame:
     import duckdb
 
-    box, start = _parse_box(bbox), None if since is None else parse_since(since)
     with ExitStack() as holds, duckdb.connect(":memory:", config=_DUCKDB_SETTINGS) as connection:
         files, found, schema = _find_catalogues(out, on_left_out, holds)
         named = [*(one.path for one, _ in files), *(path for _, path, _ in found)]
@@ -103,10 +120,14 @@ def _parse_box(bbox: Sequence[float] | None) -> list[float]:
     box = [float(value) for value in bbox]
     if len(box) != 4 or not all(map(math.isfinite, box)) or box[0] > box[2] or box[1] > box[3]:
         raise InputError(
-            f"--bbox {' '.join(f'{v:g}' for v in box)}: give WEST SOUTH EAST NORTH in degrees, west before east, "
+            f"--bbox {_format_box(box)}: give WEST SOUTH EAST NORTH in degrees, west before east, "
             "such as 24.94 60.16 24.95 60.17"
         )
     return box
+
+
+def _format_box(box: Sequence[float]) -> str:
+    return " ".join(f"{value:.10g}" for value in box)
 
 
 # Merged files, each with the runs in it that have published since.

@@ -14,11 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
-from catalogs.block.geometry import SWAPPED_AXES_NOTE
 from catalogs.block.keys import suggest_name
 from catalogs.block.reader import Block, read_block
 from catalogs.block.settings import replace_settings
 from catalogs.block.yaml_files import format_yaml
+from catalogs.buildings.axis_mistakes import SWAPPED_AXES_NOTE
 from catalogs.buildings.densest_square import densest_building_square, square_bounds
 from catalogs.buildings.extents import Bounds
 from catalogs.crs import LONLAT, coordinate_transform, note_outside_area_of_use, parse_crs

@@ -148,6 +148,9 @@ def test_box(out: Path) -> None:
     assert list(query(out, bbox=(middle, 60, middle + 1e-6, 61)).id) == ["f3"], "touching is enough"
     assert list(query(out, bbox=(middle, 60, 25, 61), where="floors = 6").id) == ["f3", "f7", "f11"]
     assert query(out, bbox=(0, 0, 1, 1)).empty
+    with pytest.raises(InputError, match=r"^--bbox 60 24.9 61 25: latitudes come first there: write 24.9 60 25 61$"):
+        query(out, bbox=(60, 24.9, 61, 25))
+    assert query(out, bbox=(60, 24.9, 61, 25), where="floors = 50").empty
     for box in ((1, 2, 3), (5, 1, 2, 3), (float("nan"), 1, 2, 3)):
         with pytest.raises(InputError, match=r"--bbox .*: give WEST SOUTH EAST NORTH"):
             query(out, bbox=box)
