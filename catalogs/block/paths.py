@@ -20,6 +20,8 @@ from facade_core.core.regular_files import read_regular
 _VARIABLE = re.compile(r"\$\{(\w+)\}")
 # Characters of a variable's value: shorter ones occur in any path.
 _MIN_HIDDEN_LENGTH = 4
+# Similarity of names, of at most 1, from which one is suggested for the other.
+_MIN_SIMILARITY = 0.6
 
 
 def path_keys() -> dict[str, PathKind]:
@@ -117,8 +119,13 @@ def suggest_similar_file_name(path: Path) -> str | None:
         near = [found.name for found in islice(path.parent.iterdir(), 1000)]
     except OSError:
         return None
-    close = difflib.get_close_matches(path.name, near, n=1)
-    return close[0] if close else None
+
+    def similarity(name: str) -> float:
+        stem = name.removesuffix(path.suffix)  # a common ending alone makes no name similar
+        return difflib.SequenceMatcher(None, stem, path.name if stem == name else path.stem).ratio()
+
+    closest = max(sorted(near), key=similarity, default=None)
+    return closest if closest and similarity(closest) >= _MIN_SIMILARITY else None
 
 
 def _expand_user(key: str, text: str) -> Path:

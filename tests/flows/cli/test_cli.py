@@ -282,6 +282,7 @@ def test_a_slip_of_the_command_line_is_one_line(tmp_path: Path, arguments: tuple
         (("import", "out/demo", "blck.yaml"), "block.yaml"),
         (("query", "out/dmo"), "out/demo"),
         (("run", "xyzzy"), None),
+        (("run", "nope.yaml"), None),
     ],
 )
 def test_a_path_that_is_not_there_is_told_with_what_is(
@@ -290,6 +291,7 @@ def test_a_path_that_is_not_there_is_told_with_what_is(
     from flows.cli.commands import command_line
 
     (tmp_path / "block.yaml").write_text("")
+    (tmp_path / "e.yaml").write_text("")
     (tmp_path / "out" / "demo").mkdir(parents=True)
     monkeypatch.chdir(tmp_path)
     shown = CliRunner().invoke(command_line, list(arguments))
