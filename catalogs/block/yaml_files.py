@@ -78,6 +78,7 @@ def parse_yaml(text: str) -> JsonValue:
             raise ValueError(joined) from error
         location = _error_location(error, text)
         if problem.startswith("found duplicate key"):
+            problem = re.sub(r' with value "(\{\}|\[\])".*', "", problem)  # the parser shows no value of several lines
             raise ValueError(f"{location}{problem}; keep one, with the keys of both") from error
         raise ValueError(f"{location}not valid YAML ({problem}); mend that line") from error
 
