@@ -106,6 +106,7 @@ class NewBlock:
     facades : ids of facades at streets.
     wall_count : walls that a run textures, at streets or not.
     folder : folder of the pictures.
+    painted : folder that received the painted exemplars; None with others.
     """
 
     path: Path
@@ -117,6 +118,7 @@ class NewBlock:
     facades: tuple[str, ...]
     wall_count: int
     folder: Path | None
+    painted: Path | None = None
 
     def lines(self) -> list[str]:
         """Format the result, one line for each fact."""
@@ -140,6 +142,11 @@ class NewBlock:
             *self._unplaced(),
             *self._unused(),
             *([f"           {RECTIFIED_NOTE}"] if self.photos else []),
+            *(
+                [f"exemplars  painted ones in {self.painted}; --exemplars takes facades of the city"]
+                if self.painted
+                else []
+            ),
             *(
                 f"set aside  {fault.kind} {format_unit_reason(fault.id, fault.reason)}"
                 for fault in self.block.faults
@@ -215,7 +222,8 @@ def write_new_block(
             options["area"] = "--around"
         elif isinstance(area, float):  # a square of buildings: only streets can be elsewhere
             options["area"] = options["streets"]
-        return _write_block_file(path, map_files, area, photos, library, poses, seed, options, notify)
+        found = _write_block_file(path, map_files, area, photos, library, poses, seed, options, notify)
+        return replace(found, painted=library if own else None)
     except BaseException:
         if own:
             shutil.rmtree(library, ignore_errors=True)

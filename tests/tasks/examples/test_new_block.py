@@ -55,6 +55,7 @@ def test_a_new_block_says_what_was_found_and_can_be_read(osm: MapFiles, exemplar
     found = write_new_block(tmp_path / "mine.yaml", osm, BOX, photos, exemplars)
     text = "\n".join(found.lines())
     assert "buildings  4, heights: 4 from default" in text
+    assert "exemplars" not in text.replace(str(tmp_path), "")
     assert "streets    2 of" in text
     assert "1 panorama with a pose, 0 photos named after a facade, 5 not usable yet" in text
     assert "5 pictures (unposed-0.jpg, unposed-1.jpg, unposed-2.jpg, ...): no pose; give its pose in" in text
@@ -84,9 +85,12 @@ def test_photos_named_after_a_facade_are_used(osm: MapFiles, exemplars: Path, tm
 
 
 def test_pictures_of_the_demo_are_painted_and_others_are_not(osm: MapFiles, exemplars: Path, tmp_path: Path) -> None:
-    own = write_new_block(tmp_path / "own.yaml", osm, BOX, None, exemplars).block
-    assert not has_only_painted_pictures(own)
-    block = write_new_block(tmp_path / "painted.yaml", osm, BOX, None, None).block
+    own = write_new_block(tmp_path / "own.yaml", osm, BOX, None, exemplars)
+    assert not has_only_painted_pictures(own.block)
+    assert "painted" not in "\n".join(own.lines()).replace(str(tmp_path), "")
+    painted = write_new_block(tmp_path / "painted.yaml", osm, BOX, None, None)
+    assert f"exemplars  painted ones in {tmp_path / 'exemplars'}; --exemplars takes" in "\n".join(painted.lines())
+    block = painted.block
     assert has_only_painted_pictures(block)
     Image.new("RGB", (40, 60)).save(block.exemplars[0])  # an own picture under a painted one's name
     assert not has_only_painted_pictures(block)
