@@ -39,7 +39,7 @@ imagery:
 {panoramas}
   # Photos of single facades, named after the facade: photos/w123-2.jpg. `streetloom query` and `view` show the ids.
   # photos: {{path: photos}}
-  # People, vehicles, faces and plates in stored pictures: blur, mask or keep.
+  # People and vehicles in stored pictures, and after `make detect-setup` faces and plates: blur, mask or keep.
   privacy: blur
 
 texture:

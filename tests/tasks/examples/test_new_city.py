@@ -33,6 +33,7 @@ def test_a_new_city_is_planned_and_cut(tmp_path: Path) -> None:
     assert f"streetloom plan '{file}'" in output
     text = file.read_text()
     assert "streetloom city centre.yaml --out out/centre" in text
+    assert "after `make detect-setup` faces and plates: blur, mask or keep." in text
     assert "--bbox 24.9471 60.1659 24.9528 60.1677 --to panoramas" in text
     assert yaml.safe_load(text)["cut"] == {"metres": 200}
     code, output = run("plan", file, "--json")
