@@ -157,8 +157,8 @@ def _with_formats(option: str) -> str:
 @click.option(
     "--lit/--no-lit",
     default=None,
-    help=f"{_with_formats('lit')} materials for lighting, with baked shading removed.  [default: glb and usd without "
-    "photographs]",
+    help=f"{_with_formats('lit')} materials for lighting, with baked shading removed.  [default: glb and usd, unless "
+    "most textures are those of the source model]",
 )
 @click.option(
     "--night",
@@ -208,7 +208,7 @@ def export(
     from flows.step_reporter import show_progress
     from tasks.export.formats import export_run as write
 
-    with show_progress(quiet=not sys.stderr.isatty()):
+    with show_progress():
         done = write(
             folder,
             style,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import json
 import os
+import re
 import shutil
 import sqlite3
 from contextlib import closing
@@ -57,6 +58,7 @@ def test_every_format_by_command(undisturbed: Run, tmp_path: Path) -> None:
         told = done.stdout.split()
         files = [str(tmp_path / style / name) for name in about["files"]]
         assert set(files) <= set(told) or told == [str(tmp_path / style)], "each, or the folder of many"
+        assert re.search(r"^streetloom: export: (\d+) of \1, in ", done.stderr, re.MULTILINE), "without a terminal too"
     assert not [path for path in tmp_path.iterdir() if path.name.startswith(".")]
     assert (
         "geoid_separation"
