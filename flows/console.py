@@ -72,6 +72,8 @@ class ProgressLines:
         if repeated:
             parts.append(f"{_format_clock(seconds)} so far")
         if event.finished >= event.total:
+            if event.earlier:
+                parts.append(f"{event.earlier} of them done before")
             parts.append(f"in {format_duration(seconds)}")
         elif done > 0:  # estimate from units of this run only; finished units of earlier runs took no time
             parts.append(f"about {format_duration(seconds * (event.total - event.finished) / done)} left")

@@ -31,6 +31,9 @@ def test_without_a_terminal_stages_and_their_tenths_are_lines(monkeypatch: pytes
         for unit in range(100):
             now[0] += 30.0
             report_progress("facades", 1, 1 if unit == 3 else 0)
+        begin_stage("viewpoints", 116)
+        report_progress("viewpoints", earlier=115)
+        report_progress("viewpoints", 1)
         begin_stage("publish", 1)
         report_progress("publish", 1)
     assert lines == [
@@ -39,7 +42,10 @@ def test_without_a_terminal_stages_and_their_tenths_are_lines(monkeypatch: pytes
         "facades: 140 of 200, 1 failed, about 30 min left",
         "facades: 160 of 200, 1 failed, about 20 min left",
         "facades: 180 of 200, 1 failed, about 10 min left",
-        "facades: 200 of 200, 1 failed, in 50 min",
+        "facades: 200 of 200, 1 failed, 100 of them done before, in 50 min",
+        "viewpoints: 116",
+        "viewpoints: 115 of 116",
+        "viewpoints: 116 of 116, 115 of them done before, in 0 s",
         "publish: 1",
         "publish: 1 of 1, in 0 s",
     ]
