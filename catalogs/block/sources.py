@@ -9,7 +9,8 @@ from pathlib import Path
 from catalogs.block.declared_keys import PathKind
 from catalogs.block.key_faults import read_block_settings
 from catalogs.block.paths import path_keys, resolve_paths
-from catalogs.examples.sources import EXAMPLE_SOURCES
+from catalogs.examples.sources import EXAMPLE_SOURCES, PAINTED_FOLDERS, PAINTED_LICENCE
+from catalogs.file_digest import file_digest
 from catalogs.imagery.fetch_log import has_fetch_log, read_fetch_log
 from catalogs.stac.facts import DataSourceFacts
 from facade_core.core.errors import InputError
@@ -23,9 +24,9 @@ OPENSTREETMAP = "OpenStreetMap contributors, ODbL 1.0"
 def block_data_sources(block_file: Path) -> tuple[DataSourceFacts, ...]:
     """Return the files and folders that a block file names, each with its licence if known.
 
-    A file's licence is known if its checksum is that of an example's file, or if it is an OpenStreetMap extract. A
-    folder of fetched pictures gives one source per licence. Returns nothing if the block file cannot be read any
-    more.
+    A file's licence is known if its checksum is that of an example's file, or if it is an OpenStreetMap extract. So is
+    that of an unchanged folder of painted pictures. A folder of fetched pictures gives one source per licence. Returns
+    nothing if the block file cannot be read any more.
     """
     try:
         kinds, paths = path_keys(), resolve_paths(read_block_settings(block_file), block_file)
@@ -48,14 +49,21 @@ def _file_licence(path: Path) -> str | None:
 
 
 def _picture_licences(folder: Path) -> tuple[str | None, ...]:
-    """Return authors and licence of fetched pictures, one text per licence; (None,) for others."""
+    """Return authors and licence of fetched pictures, one text per licence, or of painted ones; (None,) for others."""
     if not has_fetch_log(folder):
-        return (None,)
+        return (PAINTED_LICENCE if _is_painted(folder) else None,)
     authors: dict[str, list[str]] = {}
     for one in read_fetch_log(folder).pictures.values():
         if not one.refused:
             authors.setdefault(one.licence or "licence not stated", []).append(one.author or "author not stated")
     return tuple(f"{_most_frequent_names(names)}, {licence}" for licence, names in sorted(authors.items())) or (None,)
+
+
+def _is_painted(folder: Path) -> bool:
+    """Return True for a folder that holds exactly the project's painted exemplars, or its painted photos."""
+    files = [path for path in folder.iterdir() if path.is_file()]
+    known = PAINTED_FOLDERS.get(sum(path.stat().st_size for path in files))  # sizes are quicker than digests
+    return known is not None and hashlib.sha256("".join(sorted(map(file_digest, files))).encode()).hexdigest() == known
 
 
 def _most_frequent_names(names: list[str]) -> str:

@@ -19,6 +19,7 @@ from catalogs.block.sources import OPENSTREETMAP, block_data_sources
 from catalogs.published.columns import ItemRow, build_item_row
 from catalogs.published.facade_values import QUALITY_CHECKS, FacadeSource
 from facade_core.core.types import SHIPPED_MODELS, Street, TrainedModelFiles
+from tasks.examples.demo import write_demo
 from tasks.publish.catalogue_facts import (
     FACADE_MODELS,
     STREET_MODEL,
@@ -226,6 +227,17 @@ def test_sources_of_a_block_file(tmp_path: Path) -> None:
     ]
     (tmp_path / "streets.geojson").unlink()
     assert block_data_sources(block) == ()
+
+
+def test_painted_pictures_have_the_licence_of_the_project_until_one_is_added(tmp_path: Path) -> None:
+    block = write_demo(tmp_path)
+    pictures = {"imagery.exemplars.path": tmp_path / "exemplars", "imagery.photos.path": tmp_path / "photos"}
+    licences = {source.key: source.licence for source in block_data_sources(block)}
+    assert [licences[key] for key in pictures] == ["the Streetloom developers, Apache-2.0"] * 2
+    for folder in pictures.values():
+        (folder / "own.png").write_bytes(b"own")
+    licences = {source.key: source.licence for source in block_data_sources(block)}
+    assert [licences[key] for key in pictures] == [None, None]
 
 
 def test_the_licence_of_a_fetched_file_is_known_by_its_content(tmp_path: Path, data: Path) -> None:
