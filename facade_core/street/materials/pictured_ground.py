@@ -43,7 +43,7 @@ class PicturedGround(NamedTuple):
 
     Attributes
     ----------
-    texels : (p, 3) float32 colours of all pictures, row by row, without broad shading.
+    texels : (p, 3) uint8 colours of the pictures with windows, row by row, without broad shading.
     first, columns : (pictures,) start of each picture in `texels`, and its width.
     density : (pictures,) texels per metre.
     windows : (w, 3) picture, row and column of the middles of plain windows.
@@ -52,7 +52,7 @@ class PicturedGround(NamedTuple):
     colour : (surfaces, 3) mean colour.
     """
 
-    texels: Float32Array
+    texels: UInt8Array
     first: Int64Array
     columns: Int64Array
     density: Float64Array
@@ -73,26 +73,25 @@ def learn_pictured_ground(
     surfaces : number of surfaces.
     settings : numbers of the step.
     """
-    texels: list[Float32Array] = [np.zeros((len(one.rgb), len(one.rgb[0]), 3), np.float32) for one in pictures]
+    texels = [np.zeros((0, one.rgb.shape[1], 3), np.uint8) for one in pictures]
     windows, spacings, colours = [], np.ones(surfaces), np.zeros((surfaces, 3))
     for surface in range(surfaces):
         shown = [one.is_seen & (one.surface == surface) for one in pictures]
-        logs = [
-            np.log(np.maximum(one.rgb[mask], 1), dtype=np.float64) for one, mask in zip(pictures, shown, strict=True)
-        ]
+        seen = np.concatenate([np.zeros((0, 3)), *(one.rgb[mask] for one, mask in zip(pictures, shown, strict=True))])
         found = np.zeros((0, 3), np.int64)
-        if sum(map(len, logs)):
-            typical = np.median(np.concatenate(logs), axis=0)
-            colours[surface] = np.exp(typical)
+        if len(seen):
+            typical = colours[surface] = np.maximum(np.median(seen, axis=0), 1)
             plain = [_plain_ground(one, mask, typical, settings) for one, mask in zip(pictures, shown, strict=True)]
             spacings[surface], found = _find_windows(pictures, plain, settings)
             for number in np.unique(found[:, 0]).tolist():
-                detail = _detail(pictures[number], plain[number], settings)
-                texels[number][shown[number]] = (detail * colours[surface])[shown[number]]
+                if not len(texels[number]):
+                    texels[number] = np.zeros(pictures[number].rgb.shape, np.uint8)
+                detail = _detail(pictures[number], plain[number], settings)[plain[number]]
+                texels[number][plain[number]] = np.clip(detail * colours[surface] + 0.5, 0, 255)
         windows.append(found)
     sizes = np.array([one.shape[0] * one.shape[1] for one in texels], np.int64)
     return PicturedGround(
-        np.concatenate([np.zeros((0, 3), np.float32), *(one.reshape(-1, 3) for one in texels)]),
+        np.concatenate([np.zeros((0, 3), np.uint8), *(one.reshape(-1, 3) for one in texels)]),
         np.cumsum(sizes) - sizes,
         np.array([one.shape[1] for one in texels], np.int64),
         np.array([one.texels_per_metre for one in pictures], np.float64),
@@ -110,10 +109,9 @@ def _plain_ground(
     import cv2
 
     side = max(1, round(settings.square_m * picture.texels_per_metre))
-    broad = np.log(np.maximum(_local_mean(picture.rgb, mask, side), 1))
-    detail = np.abs(np.log(np.maximum(picture.rgb, 1)) - broad).max(axis=2)
-    away = np.abs(broad - typical).max(axis=2)
-    plain = mask & (away <= settings.max_log_deviation)
+    broad = np.maximum(_local_mean(picture.rgb, mask, side), 1)
+    detail = np.abs(picture.rgb / broad - 1).max(axis=2)
+    plain = mask & (np.abs(broad / typical - 1).max(axis=2) <= settings.max_deviation)
     if not plain.any():
         return np.asarray(plain)
     thin = mask & (detail > settings.max_detail_deviations * np.median(detail[plain]))

@@ -132,7 +132,7 @@ class PicturedGroundSettings:
     Attributes
     ----------
     square_m : side of the squares whose mean colours are compared, and rim of what is not plain.
-    max_log_deviation : log ratio of such a mean to the typical colour that still counts as plain.
+    max_deviation : difference of such a mean from the typical colour, as a share of it, that still counts as plain.
     max_detail_deviations : deviation of a texel from its square, in medians, beyond which it is a thing of its own.
     shading_m : broader variation is light, not texture.
     spacings_m : distances of windows that are tried, the largest first.
@@ -141,7 +141,7 @@ class PicturedGroundSettings:
     """
 
     square_m: float = 0.4
-    max_log_deviation: float = 0.14
+    max_deviation: float = 0.14
     max_detail_deviations: float = 4.5
     shading_m: float = 2.0
     spacings_m: tuple[float, ...] = (2.4, 1.6, 1.0, 0.7)
