@@ -419,3 +419,17 @@ def test_a_corrected_height_reaches_only_viewpoints_that_see_it(tmp_path: Path) 
     assert done <= near | stored
     assert len(done) < len(plan.viewpoints) / 2
     assert_as_fresh(tmp_path, made)
+
+
+def test_corrected_elements_reach_the_surface_of_a_wall_whose_colours_stay(tmp_path: Path) -> None:
+    """The material of the building is measured beside the labels of its windows."""
+    write_photo(tmp_path / "in", "a-0", 1)
+    block_file = write_block(tmp_path / "in", **LEFT)
+    texture(block_file, tmp_path / "out")
+    seed = records_of(tmp_path)["a-0"]["digests"]
+    append_corrections_to_file(block_file, [Correction("a-0", "elements", [["window", 0.02, 0.02, 0.6, 0.6]])])
+    before = started(tmp_path / "out")
+    made = texture(block_file, tmp_path / "out")
+    assert records_of(tmp_path)["a-0"]["digests"] == seed
+    assert surfaces_since(before, tmp_path) == {"a"}
+    assert_as_fresh(tmp_path, made)

@@ -16,6 +16,7 @@ class FacadeRecord(Record, total=False):
     source : pictures or exemplar that the facade is made from.
     corrected : whether somebody corrected it.
     facade : False for a wall that is said to be no facade.
+    label_digest : digest of its labels, which surfaces read.
     change_map : changed cells.
     before_file : stored picture of the facade at the earlier capture.
     before_digest : its digest.
@@ -41,6 +42,7 @@ class FacadeRecord(Record, total=False):
     source: str
     corrected: bool
     facade: bool
+    label_digest: str
     change_map: list[str]
     before_file: str
     before_digest: str

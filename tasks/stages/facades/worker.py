@@ -13,7 +13,13 @@ import numpy as np
 from icechunk import ForkSession
 
 from facade_core.atlas.journal import Record, read_records
-from facade_core.atlas.rasters import TexelLayout, chart_digests, describe_completeness, write_rasters
+from facade_core.atlas.rasters import (
+    TexelLayout,
+    chart_digests,
+    describe_completeness,
+    picture_digest,
+    write_rasters,
+)
 from facade_core.atlas.store import open_root
 from facade_core.atlas.stored_files import (
     digest_stored_file,
@@ -178,7 +184,7 @@ def _write_facade(
         evidence = apply_privacy(result.evidence, result.occluded, inputs.privacy, density)
         digests = _write_rasters(group, plan, facade, result, evidence, made.confidence)
         seconds = seconds | {"write": time.time() - begun}
-        about |= _summarize(result) | {"digests": digests}
+        about |= _summarize(result) | {"digests": digests, "label_digest": picture_digest(result.labels)}
         if result.hierarchy is not None:
             path = variation_hierarchy_path(int(plan.ids[plan.facades.chart[facade]]))
             files[path] = digest_stored_file(result.hierarchy.to_bytes())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from tasks.engine.inputs import INPUTS_PENDING
 from tasks.engine.run import Run
 from tasks.engine.stage import ForecastInputs, Stage, StageForecast, UnitOutline
 from tasks.engine.unit import Unit
+from tasks.stages.facades.record import FacadeRecord
 from tasks.stages.shared.base_layer import BASE_LAYER_STAGES
 from tasks.stages.shared.materials import pictured_ground
 from tasks.stages.shared.memory import FINISHED_TEXEL, LIBRARY_BYTES
@@ -51,6 +53,8 @@ def buildings_and_ground_pieces(plan: Plan) -> list[tuple[str, list[int]]]:
 def list_surface_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit[SurfaceInputs]]:
     """List the units of stage `surfaces`, keyed by facades, textures and streets."""
     seeds = latest_chart_digests([record for stage in BASE_LAYER_STAGES for record in read_journal(group, stage)], [])
+    facades = read_journal(group, "facades", FacadeRecord)
+    labels = {chart: one.get("label_digest") for one in facades if one for chart in one.get("digests", ())}
     walls = latest_chart_digests(read_journal(group, "walls"), [])
     streets = latest_chart_digests([], read_journal(group, "streets", StreetRecord))
     texels = plan.texel_counts()
@@ -58,7 +62,9 @@ def list_surface_units(run: Run, block: Block, plan: Plan, group: StoreGroup) ->
     pictured = pictured_ground(run, plan, group)
     units = []
     for index, (name, charts) in enumerate(buildings_and_ground_pieces(plan)):
-        inputs = surface_inputs(run, plan, charts, _charts_beside(plan, charts), seeds, streets, pictured, walls)
+        inputs = surface_inputs(
+            run, plan, charts, _charts_beside(plan, charts), seeds, streets, pictured, walls, labels
+        )
         has_seeds = bool(inputs.seeds.charts_with_texels)
         continued = any(inputs.pictured) or (has_seeds and bool(is_ground[charts[0]]))
         memory = surface_memory(texels[charts], continued=continued)
@@ -81,6 +87,7 @@ def surface_inputs(
     streets: Mapping[str, str],
     pictured: StoredCharts,
     walls: Collection[str] = (),
+    labels: Mapping[str, str | None] = MappingProxyType({}),
 ) -> SurfaceInputs:
     """Return the inputs of the charts of a unit.
 
@@ -92,6 +99,7 @@ def surface_inputs(
     streets : digests of street texels of charts, by id.
     pictured : ground that panoramas show.
     walls : ids of the charts that show camera pictures.
+    labels : digests of the labels of charts with a facade, by id.
     """
     low, high = bounding_box(plan, charts)
     texture, reads = run.texture, [*charts, *beside]
@@ -105,7 +113,7 @@ def surface_inputs(
         view=view_charts(run, plan, charts, *sorted(names[len(charts) :])),
         ground=SceneView(run, (), tuple(plan.ground_digests(charts))),
         around=SceneView(run, (), tuple(plan.scene_objects.digests_in_box(low - reach, high + reach))),
-        seeds=store_charts(run, plan, reads, seeds),
+        seeds=store_charts(run, plan, reads, seeds, [labels.get(name) for name in names[: len(charts)]]),
         pictured=tuple(name in walls for name in names),
         streets=store_charts(run, plan, reads, streets),
         pictured_ground=pictured if is_ground else store_charts(run, plan, (), {}),

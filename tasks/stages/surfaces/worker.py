@@ -49,7 +49,7 @@ class SurfaceInputs:
     view : its charts, and those beside them to which they are levelled.
     ground : streets and mapped ground near its charts, which decide their materials and markings.
     around : what may shade the charts.
-    seeds : base layer of these charts: of walls and roofs from panoramas, facades and textures.
+    seeds : base layer of these charts: of walls and roofs from panoramas, facades and textures; with labels of its own facades.
     pictured : whether each of them shows camera pictures of a wall or roof.
     streets : texels of streets on these charts.
     pictured_ground : ground that panoramas show, after which other ground looks; none for charts of buildings.

@@ -1,4 +1,4 @@
-"""A run of a small block in which the files that units open, and the inputs that they read, are noted: prints them as JSON.
+"""A run of a small block in which the files and arrays that units open, and the inputs that they read, are noted: prints JSON.
 
 In a process of its own, as an audit hook cannot be taken away: `python -m tests.tasks.stages.guarded_run FOLDER`.
 """
@@ -18,7 +18,7 @@ import pytest
 from catalogs.block import read_block
 from facade_core.atlas.journal import read_journal
 from tasks.engine import processing
-from tasks.engine.context import load_run_plan
+from tasks.engine.context import current_store, load_run_plan
 from tasks.engine.inputs import CODE, digest_inputs, split_key
 from tasks.engine.store.commits import open_newest_root
 from tasks.engine.unit import Unit
@@ -50,6 +50,24 @@ def note_opened_files() -> Iterator[list[str]]:
         _is_noting[0] = False
 
 
+class NotingGroup:
+    """A store that notes the arrays that are opened."""
+
+    def __init__(self, group: Any, arrays: set[str]) -> None:
+        self._group = group
+        self._arrays = arrays
+
+    def __getitem__(self, path: str) -> Any:
+        self._arrays.add(path)
+        return self._group[path]
+
+    def __contains__(self, path: str) -> bool:
+        return path in self._group
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._group, name)
+
+
 def list_files(value: Any) -> set[str]:
     """List the files in some inputs."""
     if isinstance(value, Path):
@@ -64,12 +82,15 @@ def list_files(value: Any) -> set[str]:
 
 
 def run_noted(folder: Path) -> dict[str, dict[str, list[str]]]:
-    """Texture a block with a photo; returns files that functions open, in inputs and elsewhere, and unread inputs."""
+    """Texture a block with a photo; returns files that functions open, in inputs and elsewhere, arrays, and unread inputs."""
     named: dict[str, set[str]] = {}
+    arrays: dict[str, set[str]] = {}
     elsewhere: dict[str, set[str]] = {}
 
     def check(compute: Callable[..., Any], inputs: Any, *arguments: Any) -> Any:
-        with note_opened_files() as opened:
+        read = arrays.setdefault(compute.__name__, set())
+        with note_opened_files() as opened, pytest.MonkeyPatch.context() as patch:
+            patch.setattr("tasks.stages.shared.scene_view.current_store", lambda: NotingGroup(current_store(), read))
             result = compute(*arguments)
         allowed = list_files(getattr(inputs, "_inputs", inputs))
         named.setdefault(compute.__name__, set()).update(allowed.intersection(opened))
@@ -108,6 +129,10 @@ def run_noted(folder: Path) -> dict[str, dict[str, list[str]]]:
     return {
         "named": {name: sorted(Path(file).name for file in files) for name, files in named.items()},
         "elsewhere": {name: sorted(files) for name, files in elsewhere.items() if files},
+        "arrays": {
+            name: sorted({path for path in paths if path.startswith(("atlas/", "facade_maps/"))})
+            for name, paths in arrays.items()
+        },
         "unread": unread,
     }
 

@@ -15,6 +15,27 @@ from tests.pipeline.runs import ROOT, environment
 # textures of its own, and no network.
 NOT_READ = {"facades": ["between", "captured", "exposure_factors", "own"], "surfaces": ["panorama_width"]}
 
+# Arrays of the atlas whose digests are in the inputs. Of pictures, the facade's key covers all but atlas/provenance, on which
+# only a picture depends that the report does not show.
+DIGESTED = {
+    "compute_surface": [
+        "atlas/seed",
+        "atlas/seed_evidence",
+        "atlas/street",
+        "atlas/street_views",
+        "facade_maps/labels",
+    ],
+    "compute_page": ["atlas/colour"],
+    "compute_tile": ["atlas/colour"],
+    "compute_pictures": [
+        "atlas/provenance",
+        "atlas/seed",
+        "facade_maps/evidence",
+        "facade_maps/labels",
+        "facade_maps/occluded",
+    ],
+}
+
 
 @pytest.fixture(scope="module")
 def observed(tmp_path_factory: pytest.TempPathFactory) -> Any:
@@ -34,3 +55,7 @@ def test_no_unit_opens_a_file_that_its_inputs_do_not_name(observed: Any) -> None
 
 def test_every_input_is_read(observed: Any) -> None:
     assert {stage: names for stage, names in observed["unread"].items() if names} == NOT_READ
+
+
+def test_no_unit_reads_an_array_that_its_inputs_do_not_digest(observed: Any) -> None:
+    assert {name: arrays for name, arrays in observed["arrays"].items() if arrays} == DIGESTED
