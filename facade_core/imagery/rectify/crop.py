@@ -161,6 +161,8 @@ def _beyond_skyline(outside: BoolArray, hidden: BoolArray, grey: Float64Array, m
     """
     height, width = outside.shape
     reach = max(4, round(CROP.step_reach_share * height))
+    if height <= 3 * reach:
+        return np.zeros_like(outside)
     is_rim = np.arange(height)[:, None] < CROP.border_rim_pixels
     is_run = np.logical_and.accumulate(outside | hidden | is_rim, axis=0)
     length = is_run.sum(axis=0)
@@ -171,7 +173,7 @@ def _beyond_skyline(outside: BoolArray, hidden: BoolArray, grey: Float64Array, m
     below = sums[ends + 2 * reach, column] - sums[ends + reach, column]
     is_valid = (np.abs(above - below) >= CROP.min_skyline_step * reach) & (is_run & outside).any(axis=0)
     is_valid &= (length > 0) & (length <= max_share * height)
-    if height <= 3 * reach or is_valid.sum() < CROP.min_skyline_columns * width:
+    if is_valid.sum() < CROP.min_skyline_columns * width:
         return np.zeros_like(outside)
     return np.asarray(np.arange(height)[:, None] < np.where(is_valid, length + reach, 0))
 

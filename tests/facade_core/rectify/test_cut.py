@@ -166,6 +166,15 @@ def test_a_wall_ends_at_an_upright_edge_in_all_rows(monkeypatch: pytest.MonkeyPa
     assert not wall_surroundings_mask(image, hidden)[70:150].any()
 
 
+@pytest.mark.parametrize("size", [(11, 200), (200, 11), (3, 5)])
+def test_walls_too_small_for_a_step_keep_their_surroundings(
+    monkeypatch: pytest.MonkeyPatch, size: tuple[int, int]
+) -> None:
+    hidden = np.zeros(size, bool)
+    monkeypatch.setattr(crop, "facade_surroundings_mask", lambda image, hidden, model: ~hidden)
+    assert wall_surroundings_mask(np.full((*size, 3), 90, np.uint8), hidden).shape == size
+
+
 def test_a_street_below_the_foot_is_told_and_bare_walls_stay(monkeypatch: pytest.MonkeyPatch):
     """Twelve rows of street, on which a car stands; a third of the wall is bare and taken for a neighbour's."""
     outside, hidden = np.zeros((2, 100, 90), bool)
