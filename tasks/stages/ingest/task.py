@@ -43,6 +43,7 @@ from tasks.engine.store.disk_space import require_disk_space, required_block_byt
 from tasks.stages.ingest.photo_resolution import photo_resolution
 from tasks.stages.ingest.planning import make_plan, plan_reuse_key, update_plan_panoramas
 from tasks.stages.shared.facade_corrections import map_changed_facade_ids, match_corrections
+from tasks.stages.shared.materials import store_materials
 from tasks.stages.shared.picture_choice import choose_pictures
 
 if TYPE_CHECKING:
@@ -104,8 +105,7 @@ def ingest_block(run: Run, block: Block, each: ParallelMap = map_in_this_process
             seed=run.seed,
             translator=run.texture.translator,
             sun=run.texture.sun and [run.texture.sun.azimuth, run.texture.sun.elevation],
-            roof_material=run.roof_material and [str(run.roof_material[0]), run.roof_material[1]],
-            materials=[[one.name, str(one.path), one.metres] for one in run.materials],
+            material_digest=store_materials(root, run.roof_material, run.materials, run.texture.texels_per_metre),
             geoid_separation=block.geoid_separation,
             notes=_notes(block, plan),
             set_aside=set_aside,

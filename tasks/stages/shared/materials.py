@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -13,13 +14,15 @@ from catalogs.readers.pictures.aerial import Orthophoto
 from catalogs.readers.pictures.materials import MaterialPicture
 from facade_core.atlas.journal import latest_chart_digests, read_journal
 from facade_core.atlas.rasters import TexelLayout, read_rasters
+from facade_core.atlas.stored_files import digest_stored_file, read_stored_file, write_stored_file
 from facade_core.core.errors import InputError
 from facade_core.core.provenance import Provenance
+from facade_core.core.types import MATERIALS
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.overhead_view import upward_roof_mask
 from facade_core.plan.plan import Plan
 from facade_core.street.materials.field import MaterialField
-from facade_core.street.materials.grain import GrainTables, learn_grain
+from facade_core.street.materials.grain import GrainExample, GrainTables, learn_grain
 from facade_core.street.materials.grain_file import load_grain_tables
 from facade_core.street.materials.tiled_material import TiledMaterial
 from tasks.engine.run import Run
@@ -30,6 +33,8 @@ from tasks.stages.shared.scene_view import StoredCharts, store_charts
 MAX_GROUND_PICTURES = 8
 # Places along either side of a roof that are looked for on the picture.
 SAMPLES_PER_SIDE = 8
+# Stored file of a block's own materials. Its folder is none of those that units restore: ingest writes it with the plan.
+MATERIAL_FILE = "materials/pictures"
 
 
 def mark_aerial_roofs(plan: Plan, aerial: Orthophoto) -> Plan:
@@ -85,26 +90,72 @@ def with_pictured_ground(field: MaterialField, plan: Plan, group: StoreGroup, ch
 
 def grain_tables_from_pictures(pictures: Sequence[MaterialPicture]) -> GrainTables | None:
     """Build grain tables with grains learnt from a block's pictures; None without any."""
+    examples = _learn_grains(pictures)
+    return load_grain_tables(examples) if examples else None
+
+
+def _learn_grains(pictures: Sequence[MaterialPicture]) -> dict[str, GrainExample]:
     examples = {}
     for name, path, metres in pictures:
         try:
             examples[name] = learn_grain(read_bounded_picture(path).rgb, metres)
         except InputError as error:
             raise InputError(f"texture.materials: {path}: {error}") from error
-    return load_grain_tables(examples) if examples else None
+    return examples
+
+
+def store_materials(
+    group: StoreGroup, roofs: tuple[Path, float] | None, pictures: Sequence[MaterialPicture], texels_per_metre: float
+) -> str | None:
+    """Write the materials of a block's own pictures to its store; returns the digest of the file, None without any.
+
+    The pictures themselves may be moved or renamed while the store is valid.
+
+    Parameters
+    ----------
+    group : root group of the store.
+    roofs : picture of the roof material and its metres per pixel, if given.
+    pictures : pictures of other materials.
+    texels_per_metre : density of the atlas.
+    """
+    laid, examples = roof_material(roofs, texels_per_metre), _learn_grains(pictures)
+    arrays: dict[str, Any] = {
+        f"{name}/{field}": value for name, one in examples.items() for field, value in one._asdict().items()
+    }
+    if laid is not None:
+        arrays |= {"roof/tile": laid.tile, "roof/size": laid.size}
+    if not arrays:
+        return None
+    file = BytesIO()
+    np.savez_compressed(file, **arrays)
+    write_stored_file(group, MATERIAL_FILE, file.getvalue(), "materials learnt from the block's own pictures, npz")
+    return digest_stored_file(file.getvalue())
 
 
 def rebuild_material_field(group: StoreGroup, plan: Plan) -> MaterialField | None:
     """Return the material field of a stored block, by the settings of its ingest; None for the neural translator."""
     if group.attrs["translator"] == "neural":
         return None
-    roofs = cast(tuple[str, float] | None, group.attrs["roof_material"])
-    pictures = cast(Sequence[tuple[str, str, float]], group.attrs.get("materials", []))
-    field = material_field(
-        plan,
-        cast(int, group.attrs["seed"]),
-        None if roofs is None else (Path(roofs[0]), float(roofs[1])),
-        [MaterialPicture(name, Path(path), metres) for name, path, metres in pictures],
+    # stores from before the file state paths of pictures: only another run of the block can read these
+    paths = group.attrs.get("roof_material") or group.attrs.get("materials")
+    digest = group.attrs.get("material_digest", paths)
+    arrays: dict[str, Any] = {}
+    if digest:
+        with np.load(BytesIO(read_stored_file(group, MATERIAL_FILE, str(digest))), allow_pickle=False) as file:
+            arrays = dict(file)
+    examples = {
+        name: GrainExample(*(arrays[f"{name}/{field}"] for field in GrainExample._fields))
+        for name in MATERIALS
+        if f"{name}/tile" in arrays
+    }
+    laid = TiledMaterial(arrays["roof/tile"], tuple(arrays["roof/size"].tolist())) if "roof/tile" in arrays else None
+    field = MaterialField(
+        plan.scene,
+        plan.streets,
+        seed=cast(int, group.attrs["seed"]),
+        roof_material=laid,
+        ground=plan.ground,
+        grains=load_grain_tables(examples) if examples else None,
     )
     return with_pictured_ground(field, plan, group, _pictured_charts(plan, group)[0])
 
