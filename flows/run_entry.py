@@ -13,12 +13,13 @@ from pathlib import Path
 from catalogs.block.reader import Block, read_block
 from catalogs.published.folders import Folder, local_run_folder
 from facade_core.atlas.journal_cache import cache_journals
+from facade_core.core.errors import MachineError
 from facade_core.core.json_types import JsonObject
 from flows.lock import lock_folder
 from flows.log_file import log_to_run_folder
 from flows.memory import set_malloc_mmap_threshold
 from flows.output_folder import check_output_folder
-from tasks.engine.outcome import convert_machine_faults, is_store_fault
+from tasks.engine.outcome import convert_machine_faults, is_damaged_chunk, is_store_fault
 from tasks.engine.run import Run
 from tasks.engine.run_key import create_run
 from tasks.engine.store.integrity import mark_store_suspect, repair_store
@@ -110,4 +111,8 @@ def handle_store_and_machine_faults(run: Run) -> Iterator[None]:
         except Exception as error:
             if is_store_fault(error):
                 mark_store_suspect(run.folder)
+            if is_damaged_chunk(error):
+                raise MachineError(
+                    f"{run.store}: a chunk is damaged; run again: the next run finds the damage and makes the lost data again"
+                ) from error
             raise

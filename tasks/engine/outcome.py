@@ -198,7 +198,12 @@ def machine_error(doing: str, error: BaseException) -> MachineError:
 def is_store_fault(error: BaseException) -> bool:
     """Return whether an error, or its cause, is that a store could not be read or written."""
     store = (StoreError, icechunk.IcechunkError, BaseZarrError)
-    return any(isinstance(one, store) or _mentions(one, DAMAGE_TEXTS) for one in _error_chain(error))
+    return is_damaged_chunk(error) or any(isinstance(one, store) for one in _error_chain(error))
+
+
+def is_damaged_chunk(error: BaseException) -> bool:
+    """Return whether an error, or its cause, is that a chunk of a store cannot be decoded."""
+    return any(_mentions(one, DAMAGE_TEXTS) for one in _error_chain(error))
 
 
 @contextmanager

@@ -17,9 +17,11 @@ import zarr
 from facade_core.atlas.integrity import find_unreadable_chunks
 from facade_core.atlas.journal import clear_record, read_journal, unit_key, write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository
-from facade_core.core.errors import LostStoreError, StoreError
+from facade_core.core.errors import LostStoreError, MachineError, StoreError
+from flows.run_entry import handle_store_and_machine_faults
+from tasks.engine.outcome import machine_error
 from tasks.engine.run import Run
-from tasks.engine.store.integrity import find_lost_units, mark_store_suspect, repair_store
+from tasks.engine.store.integrity import find_lost_units, is_store_marked_suspect, mark_store_suspect, repair_store
 from tasks.engine.store.status import completion_summary
 from tasks.history import after_viewpoint
 from tests.pipeline.stages import digests_of, redone, started, texture, viewpoint_with_panorama
@@ -153,6 +155,13 @@ def test_chunks_that_cannot_be_read_cost_their_units(textured: tuple[Path, Run],
     assert find_unreadable_chunks(open_repository(store).readonly_session(BRANCH)) == {}
     texture(textured[0], out)
     assert digests_of(out) == wanted
+
+
+def test_a_damaged_chunk_is_said_with_its_store_and_the_remedy(run: Run) -> None:
+    words = rf"{re.escape(str(run.store))}: a chunk is damaged; run again: the next run finds the damage and makes .* again$"
+    with pytest.raises(MachineError, match=words), handle_store_and_machine_faults(run):
+        raise machine_error("surfaces a", RuntimeError("Zstd decompression error: b'Destination buffer is too small'"))
+    assert is_store_marked_suspect(run.folder)
 
 
 def test_where_nothing_can_be_read_the_way_out_is_said(run: Run) -> None:
