@@ -26,7 +26,6 @@ def block_digest(block: Block) -> str:
 
     Names of pictures are hashed where a result shows them: a facade's source, the id of an exemplar or panorama.
     """
-    roof = block.roof_material
     contents = {field.name: getattr(block, field.name) for field in fields(block) if field.name != "digest"}
     return _value_digest(
         contents
@@ -41,8 +40,8 @@ def block_digest(block: Block) -> str:
             ],
             "textures": list(map(file_digest, block.textures)),
             "aerial": _aerial_inputs(block),
-            "roof_material": roof and (file_digest(roof[0]), roof[1]),
-            "materials": [(one.name, one.metres, file_digest(one.path)) for one in block.materials],
+            "roof_material": block.roof_material and block.roof_material.digest_content(),
+            "materials": [one.digest_content() for one in block.materials],
             "models": model_file_digests(block.models),
             "corrections": block.corrections.digest_inputs(),
         }

@@ -30,7 +30,7 @@ from catalogs.buildings.extents import Bounds
 from catalogs.crs import parse_crs
 from catalogs.features import Fault, feature_ids_by_reason, format_reason_notes
 from catalogs.readers.pictures.folders import check_picture, list_images, photos_by_facade
-from catalogs.readers.pictures.materials import MaterialPicture, read_material_pictures
+from catalogs.readers.pictures.materials import MaterialPicture, RoofPicture, read_material_pictures
 from catalogs.readers.pictures.panoramas import PosedPanorama
 from facade_core.core.errors import BlockFileError
 from facade_core.core.types import (
@@ -48,9 +48,6 @@ if TYPE_CHECKING:
     from catalogs.readers.pictures.aerial import Orthophoto
 
 __all__ = ["Block", "TextureSettings", "read_block"]
-
-# A picture of a material, and its metres per pixel.
-Material = tuple[Path, float]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,7 +88,7 @@ class Block(WithSettings):
     panoramas: tuple[PosedPanorama, ...]
     textures: tuple[Path, ...]
     aerial: Orthophoto | None
-    roof_material: Material | None
+    roof_material: RoofPicture | None
     materials: tuple[MaterialPicture, ...]
     geoid_separation: float | None
     notes: tuple[str, ...]
@@ -385,9 +382,9 @@ def _read_aerial(
     return file.call_reader("imagery.aerial.path", open_orthophoto, files["imagery.aerial.path"][0], crs, frame, places)
 
 
-def _find_roof_material(keys: BlockFileSettings, files: NamedFiles, file: BlockFileErrorContext) -> Material | None:
+def _find_roof_material(keys: BlockFileSettings, files: NamedFiles, file: BlockFileErrorContext) -> RoofPicture | None:
     if keys.texture.roof_material is None:
         return None
     path = files["texture.roof_material.path"][0]
     file.call_reader("texture.roof_material.path", check_picture, path)
-    return path.absolute(), keys.texture.roof_material.metres_per_pixel
+    return RoofPicture(path.absolute(), keys.texture.roof_material.metres_per_pixel)

@@ -12,9 +12,8 @@ from catalogs.published.s3 import folder_at
 from facade_core.core.types import SHIPPED_MODELS, TrainedModelFiles
 
 if TYPE_CHECKING:
-    from catalogs.block.reader import Material
     from catalogs.readers.pictures.aerial import Orthophoto
-    from catalogs.readers.pictures.materials import MaterialPicture
+    from catalogs.readers.pictures.materials import MaterialPicture, RoofPicture
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +36,7 @@ class Run(WithSettings):
     key: str
     crs: str
     aerial: Orthophoto | None = None
-    roof_material: Material | None = None
+    roof_material: RoofPicture | None = None
     materials: tuple[MaterialPicture, ...] = ()
     models: TrainedModelFiles = SHIPPED_MODELS
     shared: str = ""

@@ -1,4 +1,4 @@
-"""Folder of material pictures, each named after its material."""
+"""Pictures of materials: of the roofs, and a folder of others, each named after its material."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
+from catalogs.file_digest import file_digest
 from catalogs.readers.pictures.decoding import open_picture
 from catalogs.readers.pictures.folders import list_images
 from catalogs.readers.settings import PICTURES
@@ -23,6 +24,21 @@ class MaterialPicture(NamedTuple):
     name: str
     path: Path
     metres: float
+
+    def digest_content(self) -> tuple[str, float, str]:
+        """Return what tells the picture from others: not its path."""
+        return self.name, self.metres, file_digest(self.path)
+
+
+class RoofPicture(NamedTuple):
+    """Picture of the roof material, and its metres per pixel."""
+
+    path: Path
+    metres_per_pixel: float
+
+    def digest_content(self) -> tuple[str, float]:
+        """Return what tells the picture from others: not its path."""
+        return file_digest(self.path), self.metres_per_pixel
 
 
 def read_material_pictures(folder: Path) -> tuple[MaterialPicture, ...]:

@@ -112,10 +112,9 @@ def street_keys(
 def _settings(run: Run, plan: Plan, group: StoreGroup) -> dict[str, object]:
     settings: dict[str, object] = {"seed": run.seed} | {name: getattr(run.texture, name) for name in KEY_SETTINGS}
     if run.roof_material is not None:
-        path, metres_per_pixel = run.roof_material
-        settings["roof_material"] = [file_digest(path), metres_per_pixel]
+        settings["roof_material"] = run.roof_material.digest_content()
     if run.materials:
-        settings["materials"] = [[one.name, one.metres, file_digest(one.path)] for one in run.materials]
+        settings["materials"] = [one.digest_content() for one in run.materials]
     if run.texture.translator == "neural" and run.models.translator:
         settings["network"] = file_digest(run.models.translator)
     settings["pictured_ground"] = pictured_ground(run, plan, group).known

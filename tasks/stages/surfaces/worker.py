@@ -7,13 +7,12 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from itertools import compress
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from catalogs.readers.pictures.aerial import Orthophoto
-from catalogs.readers.pictures.materials import MaterialPicture
+from catalogs.readers.pictures.materials import MaterialPicture, RoofPicture
 from facade_core.atlas.rasters import TexelLayout, chart_digests, describe_completeness, write_rasters
 from facade_core.atlas.surroundings import ChartReader
 from facade_core.core.arrays import UInt8Array
@@ -72,7 +71,7 @@ class SurfaceInputs:
     pictured_ground: StoredCharts = input_field(INPUTS_PENDING)
     views: tuple[tuple[tuple[float, ...], ...], ...] = input_field(VIEW_CHANGED)
     aerial: Orthophoto | None = input_field("orthophoto changed")
-    roof_material: tuple[Path, float] | None = input_field(SETTINGS_CHANGED)
+    roof_material: RoofPicture | None = input_field(SETTINGS_CHANGED)
     materials: tuple[MaterialPicture, ...] = input_field(SETTINGS_CHANGED)
     sun: Sun | None = input_field(SETTINGS_CHANGED)
     is_neural: bool = input_field(SETTINGS_CHANGED)
@@ -145,7 +144,7 @@ def write_surface(atlas: Atlas, _unit: object, result: FinishedSurfaces) -> dict
 def _material_field(
     run: Run,
     seed: int,
-    roof_material: tuple[Path, float] | None,
+    roof_material: RoofPicture | None,
     materials: tuple[MaterialPicture, ...],
     pictured: StoredCharts,
 ) -> MaterialField:

@@ -25,7 +25,7 @@ from catalogs.block.key_faults import validate_block_settings
 from catalogs.block.keys import BlockFileSettings
 from catalogs.block.part import CityPart
 from catalogs.block.reader import Block, read_block
-from catalogs.readers.pictures.materials import MaterialPicture
+from catalogs.readers.pictures.materials import MaterialPicture, RoofPicture
 from facade_core.core.types import TrainedModelFiles
 
 EAST, NORTH = 385_000.0, 6_671_000.0
@@ -206,7 +206,7 @@ def test_every_value_of_a_block_counts(tmp_path: Path) -> None:
         "panoramas": read_block(panoramas(tmp_path)).panoramas,
         "textures": (picture,),
         "aerial": read_block(above(tmp_path)).aerial,
-        "roof_material": (picture, 0.01),
+        "roof_material": RoofPicture(picture, 0.01),
         "materials": (MaterialPicture("slabs", picture, 0.8),),
         "geoid_separation": 17.0,
         "notes": (*block.notes, "one"),

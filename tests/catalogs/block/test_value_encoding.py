@@ -23,7 +23,7 @@ from catalogs.block.value_encoding import VALUE_TYPES, DigestEncoder
 from catalogs.features import Fault
 from catalogs.imagery.fetch_log import read_fetch_log
 from catalogs.readers.pictures.aerial import Orthophoto
-from catalogs.readers.pictures.materials import MaterialPicture
+from catalogs.readers.pictures.materials import MaterialPicture, RoofPicture
 from catalogs.readers.pictures.panoramas import PosedPanorama
 from facade_core.core.types import (
     Building,
@@ -75,7 +75,7 @@ def small_block(folder: Path) -> Block:
         panoramas=(PosedPanorama("p", folder / "panorama.png", Pose(5, -5, None, 12.5), "2024-05-17"),),
         textures=(folder / "texture.png",),
         aerial=Orthophoto(folder / "above.png", "EPSG:32635", "EPSG:32635", "c0ffee"),
-        roof_material=(folder / "tiles.png", 0.01),
+        roof_material=RoofPicture(folder / "tiles.png", 0.01),
         materials=(MaterialPicture("slabs", folder / "tiles.png", 0.8),),
         geoid_separation=17.25,
         notes=("a note",),

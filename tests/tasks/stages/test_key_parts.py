@@ -21,7 +21,7 @@ from catalogs.block.keys import SunSettings
 from catalogs.block.reader import TextureSettings
 from catalogs.block.settings import replace_settings
 from catalogs.readers.pictures.aerial import Orthophoto
-from catalogs.readers.pictures.materials import MaterialPicture
+from catalogs.readers.pictures.materials import MaterialPicture, RoofPicture
 from facade_core.atlas.journal import write_record
 from facade_core.core.types import Building, BuildingShell, Pose, Street, TrainedModelFiles
 from facade_core.imagery.poses.joint_refinement import PriorPose
@@ -403,8 +403,8 @@ def test_pictures_of_materials_are_in_the_keys_of_surfaces_and_of_streets(tmp_pa
     plan = planned("near", "streets")
     charts = np.flatnonzero(plan.scene.charts.building == plan.scene.names.index("a")).tolist()
 
-    def keys(*pictures: MaterialPicture) -> tuple[str, str]:
-        run = replace(RUN, materials=pictures)
+    def keys(*pictures: MaterialPicture, roof: RoofPicture | None = None) -> tuple[str, str]:
+        run = replace(RUN, materials=pictures, roof_material=roof)
         surface = join_key(
             digest_inputs(surface_inputs(run, plan, charts, [], {}, {}, store_charts(run, plan, (), {})))
         )
@@ -416,6 +416,11 @@ def test_pictures_of_materials_are_in_the_keys_of_surfaces_and_of_streets(tmp_pa
     for before, now in ((plain, once), (once, wider)):
         told = [differing_inputs(one, other) for one, other in zip(before, now, strict=True)]
         assert told == [["materials"], ["settings"]]
+    other = path.rename(tmp_path / "renamed.png")
+    assert keys(MaterialPicture("slabs", other, 1.0)) == once
+    laid = keys(roof=RoofPicture(other, 0.02))
+    assert laid != plain
+    assert keys(roof=RoofPicture(other.rename(path), 0.02)) == laid
 
 
 def test_an_own_translator_is_in_the_keys_of_streets_that_use_it(tmp_path: Path) -> None:
