@@ -12,6 +12,7 @@ from pathlib import Path
 
 from catalogs.block.reader import Block, read_block
 from catalogs.published.folders import Folder, local_run_folder
+from catalogs.published.snapshot import find_current_snapshot, link_latest
 from facade_core.atlas.journal_cache import cache_journals
 from facade_core.core.errors import MachineError
 from facade_core.core.json_types import JsonObject
@@ -96,6 +97,8 @@ def open_run(
         if prepare is not None:
             prepare(run)
         _open_runs[out] = entry = HeldRun(source, block, run, completion_summary(run))
+        if entry.summary is not None and (current := find_current_snapshot(out)) is not None:
+            link_latest(current)  # somebody may have removed it
         try:
             yield entry
         finally:

@@ -231,17 +231,22 @@ def set_current_snapshot(snapshot: SnapshotFolder[F], expected_tag: str | None =
     pointer = snapshot.out / ".current.tmp"
     pointer.write_text(snapshot.id + "\n")
     os.replace(pointer, snapshot.out / "current")
-    _link_latest(snapshot.out, snapshot.id)
+    link_latest(snapshot)
 
 
-def _link_latest(out: Path, id: str) -> None:
-    """Point OUT/latest to a snapshot for people; nothing reads it, and where links are not supported there is none."""
+def link_latest(snapshot: SnapshotFolder[F]) -> None:
+    """Point OUT/latest to a snapshot for people; nothing reads it. Buckets and some file systems have no links."""
+    out, target = snapshot.out, Path("published") / snapshot.id
+    if isinstance(out, S3Path):
+        return
     link, new = out / LATEST_LINK_NAME, out / f".{LATEST_LINK_NAME}.tmp"
     if link.exists() and not link.is_symlink():
         return
     with suppress(OSError):
+        if link.is_symlink() and link.readlink() == target:
+            return
         new.unlink(missing_ok=True)
-        new.symlink_to(Path("published") / id, target_is_directory=True)
+        new.symlink_to(target, target_is_directory=True)
         os.replace(new, link)
 
 

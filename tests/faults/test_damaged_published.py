@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from catalogs.published.snapshot import current_snapshot
+from flows.run_entry import open_run
 from tasks.engine.run import Run
 from tasks.engine.store.status import completion_summary
 from tasks.publish.task import publish_block
@@ -73,6 +74,14 @@ def test_what_is_damaged_is_not_taken_for_done_and_is_made_again(textured: tuple
     assert completion_summary(run) == done
     assert _contents(published) == _contents(kept / "published" / snapshot)
     assert sorted(path.name for path in (out / "published").iterdir()) == [snapshot]
+
+
+def test_a_removed_link_to_the_newest_snapshot_is_made_again(textured: tuple[Path, Run], run: Run) -> None:
+    link = Path(run.out) / "latest"
+    shutil.rmtree(link)  # a copy of the folder has a folder in its place
+    with open_run(textured[0], Path(run.out), notify=print) as held:
+        assert held.summary is not None
+    assert link.readlink() == Path("published") / current_snapshot(Path(run.out)).id
 
 
 def _contents(folder: Path) -> dict[str, bytes]:
