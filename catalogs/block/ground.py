@@ -13,6 +13,7 @@ from shapely import LineString
 
 from catalogs.block.streets import project_lines
 from catalogs.features import CentrelinesAndGround, natural_sort_key
+from catalogs.readers.settings import LIMITS
 from catalogs.readers.vectors.centrelines import is_building_passage
 from catalogs.readers.vectors.lengths import parse_length
 from facade_core.core.types import GroundArea, GroundWay, MappedGround
@@ -138,7 +139,7 @@ def build_block_ground(
 
 
 def _is_usable(geometry: BaseGeometry) -> bool:
-    return not geometry.is_empty and bool(np.isfinite(shapely.get_coordinates(geometry)).all())
+    return not geometry.is_empty and bool((np.abs(shapely.get_coordinates(geometry)) < LIMITS.max_coordinate).all())
 
 
 def _parts_within(geometry: BaseGeometry, around: Polygon, kind: str) -> list[BaseGeometry]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
@@ -79,6 +80,10 @@ def test_crossings_areas_and_what_is_hidden() -> None:
         GroundFeature("w9", shapely.box(10, 25, 14, 28), {"place": "square", "surface": "sett"}),
     )
     around = shapely.box(-50, -50, 50, 50)
+    broken = GroundFeature("w10", shapely.LineString([(1e300, 0), (40, 0)]), {"highway": "residential"})
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert not build_block_ground([CentrelinesAndGround(None, (), ground=(broken,))], UTM, around, around).ways
     ground = build_block_ground([CentrelinesAndGround(None, (), ground=features[::-1])], UTM, around, around)
     assert [(way.id, way.kind) for way in ground.ways] == [("w1", "road"), ("w2", "road"), ("n3", "crossing")]
     assert [way.width for way in ground.ways[:2]] == [6.0, 6.0]  # the kerb of a street runs on
