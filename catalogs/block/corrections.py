@@ -245,7 +245,7 @@ def _line_values(correction: Correction) -> JsonObject:
 
 
 def _append_lines(path: Path, added: str) -> None:
-    with lock_folder(path.parent):
+    with lock_input_folder(path.parent):
         text = read_regular(path).decode("utf-8-sig") if path.exists() else ""
         if text and not text.endswith("\n"):  # edited by hand
             text += "\n"
@@ -255,7 +255,7 @@ def _append_lines(path: Path, added: str) -> None:
 
 
 @contextmanager
-def lock_folder(folder: Path) -> Iterator[None]:
+def lock_input_folder(folder: Path) -> Iterator[None]:
     """Hold an exclusive lock on a folder, so that concurrent additions are not lost."""
     handle = os.open(folder, os.O_RDONLY)
     try:

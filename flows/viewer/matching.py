@@ -9,7 +9,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
-from catalogs.block.corrections import lock_folder
+from catalogs.block.corrections import lock_input_folder
 from catalogs.printable_text import format_count
 from catalogs.readers.pictures.decoding import read_picture
 from facade_core.core.errors import InputError
@@ -60,7 +60,7 @@ def photo_match_routes(reader: RunReader, editor: EditorUser, photos: Path) -> l
     def save(body: object) -> JsonObject:
         block = find_run_block_file(reader.out)
         path = block.parent / TABLE
-        with lock_folder(path.parent):
+        with lock_input_folder(path.parent):
             decisions = _parse_decisions(body)
             table = apply_decisions(read_match_table(path), decisions, who=editor.who)
             # check the decided rows before any write; faults of other rows are only reported

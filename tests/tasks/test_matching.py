@@ -15,7 +15,7 @@ from pyproj import Transformer
 
 from benchmarks.matching import SIZE, WIDE_DEG, photo_of
 from benchmarks.painter.street_truth import SyntheticStreet, synthetic_street
-from catalogs.block.corrections import lock_folder
+from catalogs.block.corrections import lock_input_folder
 from catalogs.block.reader import read_block
 from facade_core.core.errors import InputError
 from facade_core.core.types import Pose
@@ -292,7 +292,7 @@ def test_who_decides_at_once_loses_nothing(tmp_path: Path) -> None:
     write_match_table(MatchTable(path, COLUMNS, rows), new=True)
 
     def decide(photo: str) -> None:
-        with lock_folder(path.parent):
+        with lock_input_folder(path.parent):
             write_match_table(
                 apply_decisions(read_match_table(path), [MatchDecision(photo, "a-0", True, ("", ""))], who="anna")
             )

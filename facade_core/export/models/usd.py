@@ -77,9 +77,7 @@ def import_usd_library() -> ModuleType:
     try:
         import pxr.Usd
     except ImportError as error:
-        raise InputError(
-            "--format usd: usd-core is not installed, as it takes 220 MB; `make usd-setup` does"
-        ) from error
+        raise InputError("--format usd: usd-core is not installed; `make usd-setup` installs it (220 MB)") from error
     package: ModuleType = pxr
     return package
 
