@@ -177,10 +177,11 @@ def test_the_readmes_example(out: Path, monkeypatch: pytest.MonkeyPatch, tmp_pat
     examples = [part.split("```")[0] for part in readme.split("```python\n")[1:]]
     (example,) = (example for example in examples if "open_atlas" in example)
     (tag,) = open_repository(out / "store").list_tags()
-    (tmp_path / "out").symlink_to(out)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "demo").symlink_to(out)
     monkeypatch.chdir(tmp_path)
     names: dict = {}
-    exec(example.replace("w123949253-2", "a-0").replace("street-12-0f3a", tag), names)
+    exec(example.replace("w123949253-2", "a-0").replace("street-s4243036-569e20dc1eb0", tag), names)
     assert names["grey"] == pytest.approx(names["atlas"]["atlas/colour"].values.mean())
     assert (tmp_path / "facade.zarr").is_dir()
     assert names["photo"].dtype == bool
