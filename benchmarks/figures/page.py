@@ -15,20 +15,17 @@ NAMED = 3  # rooms
 RECORDS = "../benchmarks/figures/records"
 HEAD = """# Figures
 
-`make figures` writes this page out of the rows and records of `benchmarks/figures/`. A record is what a benchmark printed, with
-the day, the machine, its load, and digests of the code that it measured. Each row's command prints its figures and more.
-Measured on 2 cores.
+`make figures` writes this page from the rows and records of `benchmarks/figures/`. A record is the output of a benchmark,
+with day, machine, load and digests of the measured code. Measured on 2 cores.
 
-*as of* says what vouches for a figure:
+*as of* names the source of a figure:
 
-- a day: measured then, by a record that no test repeats; with the load of the machine where time or memory is measured (2 is
-  all of it).
-- every test run: quick and the same on any machine, so the tests measure it again.
-- by hand: carried over on that day from what the command printed, before records were kept.
+- a day: a record of that day, with the machine's load where time or memory is measured (2 is all of it).
+- every test run: the tests measure it again.
+- by hand: entered on that day, before records were kept.
 - by eye: judged by a person on that day.
 
-A figure is of the code of its day. `python -m benchmarks.figures --due` lists the records whose code has changed since, and
-where.
+`python -m benchmarks.figures --due` lists the records whose code has changed since, and where.
 
 | what | figure | as of | command |
 |---|---|---|---|
