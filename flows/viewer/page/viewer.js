@@ -125,8 +125,9 @@ async function draw(again = false) {
   else if (moved && !again && place.page !== "model") main.focus({ preventScroll: true });
 }
 
-// What may be drawn anew under a reader's hands: not a map or a model, photos that are decided, a list in use or a slider that is held.
-const calm = () => !["map", "model", "photos"].includes(parse(shown).page) && !["step", "street"].includes(document.activeElement?.id);
+// What may be drawn anew under a reader's hands: not a map or a model, a facade or photos that are corrected, a list in use or a
+// slider that is held.
+const calm = () => !["map", "model", "photos", "edit"].includes(parse(shown).page) && !["step", "street"].includes(document.activeElement?.id);
 
 const later = (after) => {
   clearTimeout(timer);
