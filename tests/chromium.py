@@ -37,13 +37,8 @@ def tab(browser: Any, viewport: dict[str, int]) -> Iterator[Any]:
 
 
 def wait(page: Any, expression: str) -> None:
-    """Until a JavaScript expression is true: the page's policy forbids the browser to be given functions to poll.
-
-    An element that is not there, as while a page is drawn again, is waited for.
-    """
+    """Until a JavaScript expression is true: the page's policy forbids the browser to be given functions to poll."""
     deadline = time.monotonic() + 300
-    absent = "if (fault instanceof TypeError) return false; throw fault"
-    asked = f"(() => {{ try {{ return {expression} }} catch (fault) {{ {absent} }} }})()"
-    while not page.evaluate(asked):
+    while not page.evaluate(expression):
         assert time.monotonic() < deadline, expression
         page.wait_for_timeout(100)

@@ -139,7 +139,8 @@ def open_repository(path: StoreLocation, *, create: bool = False) -> Repository:
         repository = Repository.open(storage, config)
     except icechunk.IcechunkError as error:
         raise StoreError(
-            f"{path}: no usable store ({str(error).splitlines()[0]}); give the folder of a run, or remove this store and run the block again"
+            f"{path}: no usable store ({str(error).splitlines()[0]}); give the folder of a run, or remove this store and "
+            "run the block again"
         ) from error
     repository.path = path
     return repository

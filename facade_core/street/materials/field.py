@@ -8,12 +8,11 @@ from copy import copy
 import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float64Array, Int16Array, Int64Array, IntArray, UInt8Array
-from facade_core.core.types import BuildingFinish, MappedGround, Street
+from facade_core.core.types import SURFACES, BuildingFinish, MappedGround, Street
 from facade_core.facade.wall_material import WallMaterial
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.ground.carriageways import assume_street_ways
 from facade_core.geometry.ground.layer_raster import rasterise_ground_layers
-from facade_core.geometry.ground.layers import FIRST_PATH_LAYER, PAVEMENT_LAYER, ROAD_LAYER
 from facade_core.geometry.ground.shapes import GroundTiles
 from facade_core.geometry.scene import Scene
 from facade_core.street.materials import field_kernels as kernels
@@ -26,6 +25,7 @@ from facade_core.street.materials.field_kernels import (
 )
 from facade_core.street.materials.grain import GrainKind, GrainTables
 from facade_core.street.materials.grain_file import load_shipped_grain_tables
+from facade_core.street.materials.ground_kernels import LAYER_SURFACES
 from facade_core.street.materials.pictured_ground import GroundPicture, learn_pictured_ground
 from facade_core.street.materials.procedural import (
     BRICK_PALETTE,
@@ -88,18 +88,6 @@ MATERIAL_GRAINS = {
     SurfaceMaterial.SOFFIT: GrainKind.PLASTER_FINE,
     SurfaceMaterial.METAL_FIXTURE: GrainKind.METAL,
 }
-
-# Surface of each kind of ground of `MaterialField.ground_kinds`.
-SURFACE_OF_LAYER = np.array(
-    [
-        GroundSurface.GRAVEL,
-        *range(PAVEMENT_LAYER),
-        GroundSurface.SLABS,
-        *range(ROAD_LAYER - FIRST_PATH_LAYER),
-        GroundSurface.ASPHALT,
-    ],
-    np.uint8,
-)
 
 
 class MaterialField:
@@ -195,7 +183,7 @@ class MaterialField:
         """
         density = self._scene.placement.texels_per_metre
         pictures = [
-            GroundPicture(rgb, is_seen, SURFACE_OF_LAYER[self.ground_kinds(chart, 0)], float(density[chart]))
+            GroundPicture(rgb, is_seen, self._ground_surfaces(chart), float(density[chart]))
             for chart, (rgb, is_seen) in shown.items()
         ]
         changed = copy(self)
@@ -282,6 +270,13 @@ class MaterialField:
         return rasterise_ground_layers(
             self._scene.charts, chart, self._ground.tile_around(chart), density, size, margin
         )
+
+    def _ground_surfaces(self, chart: int) -> UInt8Array:
+        """Return the surface of each texel (h, w) of a ground chart by the map, one that none has where roads differ."""
+        roads = {way.surface for way in self._ground.tile_around(chart).ways if way.kind == "road"}
+        carriageway = SURFACES.index(roads.pop()) if len(roads) == 1 else len(SURFACE_COLOURS)
+        surfaces = np.array([GroundSurface.GRAVEL, *LAYER_SURFACES[:-1], carriageway], np.uint8)
+        return surfaces[self.ground_kinds(chart, 0)]
 
     def _paint_texels(self, chart: int, rows: Int64Array, columns: Int64Array, out: UInt8Array) -> None:
         """Paint texels (k,) of a chart.

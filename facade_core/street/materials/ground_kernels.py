@@ -20,6 +20,10 @@ from facade_core.street.materials.procedural import (
 )
 from facade_core.street.materials.settings import GROUND_KERNELS
 
+# Surface by layer; that of the carriageways where no road states another.
+LAYER_SURFACES = np.array(
+    [*range(PAVEMENT_LAYER), GroundSurface.SLABS, *range(ROAD_LAYER - FIRST_PATH_LAYER), GroundSurface.ASPHALT]
+)
 # Tones of marks, and their opacity.
 MARK_TONES = np.array([70.0, 62.0, 58.0, 168.0, 214.0])
 MARK_COVERAGE = np.array([0.45, 0.7, 0.9, 0.9, 0.85])
@@ -162,12 +166,8 @@ def _uniform_surface(cell: int, drawn: GroundTileArrays) -> int:
     if last > first + 1 or drawn.first_edge[last] > drawn.first_edge[first]:
         return -1
     layer = int(drawn.layer[first])
-    if layer < PAVEMENT_LAYER:
-        return layer
-    if layer == PAVEMENT_LAYER:
-        return GroundSurface.SLABS.value
     if layer < ROAD_LAYER:
-        return layer - FIRST_PATH_LAYER
+        return int(LAYER_SURFACES[layer])
     start, end = drawn.start_road[cell], drawn.start_road[cell + 1]
     for f in range(start + 1, end):
         if drawn.roads[f, 6] != drawn.roads[start, 6]:
@@ -255,10 +255,7 @@ def _add_layers(
                     weight[surface] *= 1 - fallen
                 weight[GroundSurface.LEAVES] += fallen
         elif share > 0:
-            if layer == PAVEMENT_LAYER:
-                weight[GroundSurface.SLABS] += share
-            else:
-                weight[layer if layer < PAVEMENT_LAYER else layer - FIRST_PATH_LAYER] += share
+            weight[LAYER_SURFACES[layer]] += share
     for m in range(drawn.start_mark[cell], drawn.start_mark[cell + 1]):
         share = _mark_share(px, py, wide, drawn.marks, m)
         if share > 0:

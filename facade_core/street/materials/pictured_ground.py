@@ -113,7 +113,7 @@ def _plain_ground(
     detail = np.abs(picture.rgb / broad - 1).max(axis=2)
     plain = mask & (np.abs(broad / typical - 1).max(axis=2) <= settings.max_deviation)
     if not plain.any():
-        return np.asarray(plain)
+        return mask & False
     thin = mask & (detail > settings.max_detail_deviations * np.median(detail[plain]))
     # single dark grains are texture, lines of them are not
     thin = cv2.morphologyEx(thin.astype(np.uint8), cv2.MORPH_OPEN, np.ones((2, 2), np.uint8)) > 0
@@ -218,7 +218,7 @@ def add_pictured_ground(
             for band in range(3):
                 sample[corner, band] = texel[band]
                 light += texel[band] / colour[band] / 3
-            # what is brighter than its surroundings wins: joints between the windows follow the grain
+            # bright grain has more weight: a window then ends along its grain, not along a straight line
             near = max(near + GROUND_KERNELS.window_grain_weight * (light - 1), 1e-4)
             near *= near
             near *= near

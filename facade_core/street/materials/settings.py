@@ -131,7 +131,7 @@ class PicturedGroundSettings:
 
     Attributes
     ----------
-    square_m : side of the squares whose mean colours are compared, and rim of what is not plain.
+    square_m : side of the squares whose mean colours are compared. Ground this near to other things is not plain.
     max_deviation : difference of such a mean from the typical colour, as a share of it, that still counts as plain.
     max_detail_deviations : deviation of a texel from its square, in medians, beyond which it is a thing of its own.
     shading_m : broader variation is light, not texture.

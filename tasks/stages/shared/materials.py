@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from io import BytesIO
-from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 
 from catalogs.readers.pictures.aerial import Orthophoto
-from catalogs.readers.pictures.materials import MaterialPicture
-from facade_core.atlas.journal import latest_chart_digests, read_journal
+from catalogs.readers.pictures.materials import MaterialPicture, RoofPicture
+from facade_core.atlas.journal import latest_chart_digests, read_records
 from facade_core.atlas.rasters import TexelLayout, read_rasters
 from facade_core.atlas.stored_files import digest_stored_file, read_stored_file, write_stored_file
 from facade_core.core.errors import InputError
@@ -29,8 +28,8 @@ from tasks.engine.run import Run
 from tasks.stages.shared.images import read_bounded_picture
 from tasks.stages.shared.scene_view import StoredCharts, store_charts
 
-# Ground charts, of up to 32 m, from which examples of ground are learnt.
-MAX_GROUND_PICTURES = 8
+# Ground charts, of up to 32 m, from which the look of ground is learnt.
+MAX_GROUND_PICTURES = 12
 # Places along either side of a roof that are looked for on the picture.
 SAMPLES_PER_SIDE = 8
 # Stored file of a block's own materials. Its folder is none of those that units restore: ingest writes it with the plan.
@@ -50,7 +49,7 @@ def mark_aerial_roofs(plan: Plan, aerial: Orthophoto) -> Plan:
 
 
 def material_field(
-    plan: Plan, seed: int, roofs: tuple[Path, float] | None, pictures: Sequence[MaterialPicture] = ()
+    plan: Plan, seed: int, roofs: RoofPicture | None, pictures: Sequence[MaterialPicture] = ()
 ) -> MaterialField:
     """Build the material field of a block.
 
@@ -64,16 +63,19 @@ def material_field(
 
 
 def pictured_ground(run: Run, plan: Plan, group: StoreGroup) -> StoredCharts:
-    """Return the ground charts of which examples of ground are learnt."""
+    """Return the ground charts from which the look of ground is learnt."""
     return store_charts(run, plan, *_pictured_charts(plan, group))
 
 
 def _pictured_charts(plan: Plan, group: StoreGroup) -> tuple[list[int], dict[str, str]]:
-    """Return the ground charts that panoramas show, a few if there are many, and the digests of all of these."""
-    digests = latest_chart_digests(read_journal(group, "grounds"), [])
-    shown = [chart for chart in plan.ground_near_cameras().tolist() if f"{plan.ids[chart]:016x}" in digests]
-    kept = np.linspace(0, len(shown) - 1, min(len(shown), MAX_GROUND_PICTURES)).astype(np.int64)
-    return [shown[number] for number in kept.tolist()], digests
+    """Return those of MAX_GROUND_PICTURES ground charts near panoramas that a panorama shows, and their digests by id.
+
+    Streets ask for each unit: however many charts there are, few records are read.
+    """
+    near = plan.ground_near_cameras()
+    units = np.linspace(0, len(near) - 1, min(len(near), MAX_GROUND_PICTURES)).astype(np.int64)
+    digests = latest_chart_digests(read_records(group, "grounds", units), [])
+    return [chart for chart in near[units].tolist() if f"{plan.ids[chart]:016x}" in digests], digests
 
 
 def with_pictured_ground(field: MaterialField, plan: Plan, group: StoreGroup, charts: Sequence[int]) -> MaterialField:
@@ -105,7 +107,7 @@ def _learn_grains(pictures: Sequence[MaterialPicture]) -> dict[str, GrainExample
 
 
 def store_materials(
-    group: StoreGroup, roofs: tuple[Path, float] | None, pictures: Sequence[MaterialPicture], texels_per_metre: float
+    group: StoreGroup, roofs: RoofPicture | None, pictures: Sequence[MaterialPicture], texels_per_metre: float
 ) -> str | None:
     """Write the materials of a block's own pictures to its store; returns the digest of the file, None without any.
 
@@ -136,11 +138,8 @@ def rebuild_material_field(group: StoreGroup, plan: Plan) -> MaterialField | Non
     """Return the material field of a stored block, by the settings of its ingest; None for the neural translator."""
     if group.attrs["translator"] == "neural":
         return None
-    # stores from before the file state paths of pictures: only another run of the block can read these
-    paths = group.attrs.get("roof_material") or group.attrs.get("materials")
-    digest = group.attrs.get("material_digest", paths)
     arrays: dict[str, Any] = {}
-    if digest:
+    if digest := group.attrs["material_digest"]:
         with np.load(BytesIO(read_stored_file(group, MATERIAL_FILE, str(digest))), allow_pickle=False) as file:
             arrays = dict(file)
     examples = {
@@ -160,7 +159,7 @@ def rebuild_material_field(group: StoreGroup, plan: Plan) -> MaterialField | Non
     return with_pictured_ground(field, plan, group, _pictured_charts(plan, group)[0])
 
 
-def roof_material(roofs: tuple[Path, float] | None, texels_per_metre: float) -> TiledMaterial | None:
+def roof_material(roofs: RoofPicture | None, texels_per_metre: float) -> TiledMaterial | None:
     """Return the roof material, None if none is given."""
     if roofs is None:
         return None

@@ -42,7 +42,7 @@ def learnt() -> PicturedGround:
     )
 
 
-def laid(learnt: PicturedGround, x: np.ndarray, y: np.ndarray, side: float) -> np.ndarray:
+def paint_ground(learnt: PicturedGround, x: np.ndarray, y: np.ndarray, side: float) -> np.ndarray:
     total = np.zeros((len(x), 3))
     add_pictured_ground(SURFACE, x, y, np.full(len(x), side), learnt, 7, np.ones(len(x)), total)
     return total
@@ -54,7 +54,7 @@ def square(start: float = 1000.0) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_plain_ground_continues_with_its_grain_and_without_what_lies_on_it(learnt: PicturedGround) -> None:
-    tone = laid(learnt, *square(), 0.05)
+    tone = paint_ground(learnt, *square(), 0.05)
     assert tone.mean(axis=0) == pytest.approx(COLOUR, rel=0.02)
     assert tone.std(axis=0) == pytest.approx(0.04 * COLOUR, rel=0.25)
     assert tone.min() > 0.75 * COLOUR.min(), "the dark thing"
@@ -63,7 +63,7 @@ def test_plain_ground_continues_with_its_grain_and_without_what_lies_on_it(learn
 
 def test_a_point_has_one_colour_and_places_differ(learnt: PicturedGround) -> None:
     x, y = square()
-    whole, part = laid(learnt, x, y, 0.05), laid(learnt, x[5000:5300], y[5000:5300], 0.05)
+    whole, part = paint_ground(learnt, x, y, 0.05), paint_ground(learnt, x[5000:5300], y[5000:5300], 0.05)
     assert (whole[5000:5300] == part).all()
     rasters = whole.reshape(300, 300, 3)[..., 0]
     for shift in (20, 48, 96):
@@ -71,7 +71,7 @@ def test_a_point_has_one_colour_and_places_differ(learnt: PicturedGround) -> Non
 
 
 def test_a_far_footprint_has_the_mean_colour(learnt: PicturedGround) -> None:
-    assert laid(learnt, *square(), 1.0) == pytest.approx(np.broadcast_to(learnt.colour[SURFACE], (90000, 3)))
+    assert paint_ground(learnt, *square(), 1.0) == pytest.approx(np.broadcast_to(learnt.colour[SURFACE], (90000, 3)))
 
 
 @pytest.mark.parametrize("seen", ["little", "nothing"])
@@ -92,8 +92,24 @@ def test_ground_of_a_block_looks_as_its_pictures_do_and_a_stated_material_stays(
     for grains, changes in ((None, True), (own, False)):
         before = MaterialField(scene, [], seed=1, ground=MappedGround((way,)), grains=grains)
         after = before.with_pictured_ground({chart: (rgb, np.ones(size, bool))})
-        bare, laid_out = (field.chart_raster(chart).astype(float) for field in (before, after))
+        bare, painted = (field.chart_raster(chart).astype(float) for field in (before, after))
         open_ground = before.ground_kinds(chart, 0) == 0
-        assert (np.abs(laid_out - bare)[open_ground].mean() > 5) == changes
-        mean = laid_out[open_ground].mean(axis=0)
+        assert (np.abs(painted - bare)[open_ground].mean() > 5) == changes
+        mean = painted[open_ground].mean(axis=0)
         assert not changes or mean / mean[0] == pytest.approx(COLOUR / COLOUR[0], rel=0.03)
+
+
+def test_a_carriageway_shows_its_own_surface_and_none_where_roads_differ(scene: Scene) -> None:  # noqa: F811
+    lines = shapely.LineString([(-10, -8), (50, -8)]), shapely.LineString([(5, -20), (5, -2)])
+    chart = ground(scene)
+    for surfaces, expected in ((("setts", "setts"), {GroundSurface.SETTS}), (("setts", "asphalt"), set())):
+        ways = [
+            GroundWay(str(number), line, "road", 6.0, surface)
+            for number, (line, surface) in enumerate(zip(lines, surfaces, strict=True))
+        ]
+        field = MaterialField(scene, [], seed=1, ground=MappedGround(tuple(ways)))
+        is_road = field.ground_kinds(chart, 0) > 0
+        shown = field.with_pictured_ground(
+            {chart: (pavement(max(is_road.shape))[: len(is_road), : is_road.shape[1]], is_road)}
+        )
+        assert set(np.flatnonzero(np.diff(shown.arrays.pictured.start)).tolist()) == expected

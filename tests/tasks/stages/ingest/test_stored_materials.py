@@ -8,12 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-import zarr
 from PIL import Image
 
 from catalogs.block import read_block
 from facade_core.atlas.store import BRANCH, open_repository, open_root
-from facade_core.core.errors import StoreError
 from facade_core.plan.plan_tables import read_plan
 from tasks.engine.run_key import create_run
 from tasks.stages.ingest.task import ingest_block
@@ -44,9 +42,3 @@ def test_a_store_has_the_materials_of_pictures_that_are_gone(tmp_path: Path, own
     for one, other in ((found.arrays.grains, expected.grains), (found.arrays.roof, expected.roof)):
         for name, array, wanted in zip(one._fields, one, other, strict=True):
             np.testing.assert_array_equal(array, wanted, err_msg=name)
-
-
-def test_a_store_that_states_paths_of_pictures_is_made_again() -> None:
-    attributes = {"translator": "exemplar", "seed": 1, "roof_material": ["/gone.png", 0.02], "materials": []}
-    with pytest.raises(StoreError, match="is not in the store; the next run makes it again"):
-        rebuild_material_field(zarr.create_group({}, attributes=attributes), None)  # type: ignore[arg-type]
