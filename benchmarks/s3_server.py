@@ -6,7 +6,8 @@ import subprocess
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from urllib.request import Request, urlopen
+
+import urllib3
 
 # It ends when nobody holds its input any more. Requests are answered one by one: moto asks whether a condition holds and writes
 # in two steps, between which a busy machine lets another write.
@@ -38,7 +39,9 @@ def serving(bucket: str, key: str, secret: str) -> Iterator[Mapping[str, str]]:
     try:
         address = f"http://127.0.0.1:{int(process.stdout.readline())}"
         # its first answer takes the server seconds, in which it imports what it answers with
-        urlopen(Request(f"{address}/{bucket}", method="PUT"), timeout=300).close()
+        asked = urllib3.PoolManager(retries=urllib3.Retry(connect=8, backoff_factor=0.1))
+        made = asked.request("PUT", f"{address}/{bucket}", timeout=300)
+        assert made.status == 200, made.data
         yield {
             "AWS_ENDPOINT_URL": address,
             "AWS_ACCESS_KEY_ID": key,
