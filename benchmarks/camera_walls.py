@@ -106,8 +106,8 @@ def _recovered(
         seconds["take"].append((time.perf_counter() - start) / len(cameras))
         if found is not None:
             shown[chart] = found
-    known = KnownTexture(shown_reader(scene, shown), shown, (), shown)
-    without = KnownTexture(shown_reader(scene, {}), (), ())
+    known = KnownTexture(shown_reader(scene, shown), shown, shown)
+    without = KnownTexture(shown_reader(scene, {}), ())
     parts = []
     for chart in charts:
         size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))

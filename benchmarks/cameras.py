@@ -152,7 +152,7 @@ def _recovered(
         seconds["ground"].append((time.perf_counter() - start) / len(cameras))
         if found is not None:
             shown[chart] = found
-    known = KnownTexture(shown_reader(scene, shown), shown, ())
+    known = KnownTexture(shown_reader(scene, shown), shown)
     parts: list[dict[str, np.ndarray]] = []
     for chart in grounds:
         size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))

@@ -59,7 +59,6 @@ def measured(out: Path, block_file: Path | None, until: str | None, every: int, 
     from tasks.publish.task import publish_block
     from tasks.stages.ingest.task import ingest_block
     from tasks.stages.order import STAGES_IN_ORDER
-    from tasks.stages.streets.task import texture_street
 
     class Timed(SerialCompute):
         def submit(self, function: Callable[..., Any], *args: Any, **keys: Any) -> Any:
@@ -76,13 +75,9 @@ def measured(out: Path, block_file: Path | None, until: str | None, every: int, 
     run = replace(run, ingested=outline.ingested)
     for kind in STAGES_IN_ORDER:
         clock.stage = kind.stage
-        if kind.inputs is not None:
-            due = clock.run("keys", find_pending_units, run, block, kind)
-            for piece in due.pieces[::every]:
-                clock.run("commits", process_batch.fn, run, kind.stage, "1", kind.function, [piece], compute)
-        elif kind.part_of is None:
-            for street in list(street for wave in outline.waves for street in wave)[::every]:
-                clock.run("commits", texture_street.fn, run, street, outline.streets[street], 0, compute)
+        due = clock.run("keys", find_pending_units, run, block, kind)
+        for piece in due.pieces[::every]:
+            clock.run("commits", process_batch.fn, run, kind.stage, "1", kind.function, [piece], compute)
         if kind.stage == until:
             break
     else:

@@ -216,7 +216,7 @@ def ground() -> np.ndarray:
     material = materials.chart_raster(chart).reshape(*size, 3)
     pictured = {c: part for c, part in shown.items() if part is not None}
     taken = np.where(pictured[chart].is_visible[..., None], pictured[chart].rgb, material)
-    known = KnownTexture(shown_reader(scene, pictured), pictured, ())
+    known = KnownTexture(shown_reader(scene, pictured), pictured)
     return beside([material, taken, finish_chart(scene, materials, chart, known)[0]], 420)
 
 
@@ -248,8 +248,8 @@ def walls() -> np.ndarray:
     line = Street("street", None, shapely.LineString([street.world_point(0, 0), street.world_point(street.length, 0)]))
     materials = MaterialField(scene, (line,), seed=1)
     without, known = (
-        KnownTexture(shown_reader(scene, {}), (), ()),
-        KnownTexture(shown_reader(scene, shown), shown, (), shown),
+        KnownTexture(shown_reader(scene, {}), ()),
+        KnownTexture(shown_reader(scene, shown), shown, shown),
     )
     material, finished = (finish_chart(scene, materials, chart, one)[0] for one in (without, known))
     taken = np.where(shown[chart].is_visible[..., None], shown[chart].rgb, 255)

@@ -24,11 +24,7 @@ from facade_core.geometry.charts import ChartKind
 from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan
 from facade_core.street.lighting.facade_light import relight_facade
 from facade_core.street.materials.field import MaterialField
-from facade_core.street.propagation.propagate import mark_first_visible
-from facade_core.street.propagation.render import render_panorama
-from facade_core.street.propagation.texel_buffer import TexelBuffer
-from facade_core.street.surfaces import KnownTexture, finish_chart, paint_visible_texels
-from facade_core.street.translator.translators import MaterialFieldTranslator
+from facade_core.street.surfaces import KnownTexture, finish_chart
 
 DENSITY = 10.0
 SIZE_M = (7.0, 9.0)
@@ -67,7 +63,7 @@ def compile_texture_kernels() -> None:
 
 
 def compile_street_kernels() -> None:
-    """Texture a street from one viewpoint, finish its surfaces, and render a picture of them."""
+    """Finish the surfaces of a street, and render a picture of them."""
     plan = build_plan(
         BlockInputs(
             [Building("a", box(0, 0, 12, 10), 9.0, "height")], [Street("s", "s", LineString([(0, -6), (12, -6)]))]
@@ -84,22 +80,14 @@ def compile_street_kernels() -> None:
         ),
     )
     scene, placement = plan.scene, plan.scene.placement
-    charts = plan.charts_of_street(0)
-    rasters, writable = TexelBuffer.plan_layout(placement, charts, charts)
-    nothing = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
-    window = TexelBuffer.allocate(placement, rasters, writable, *nothing, visibility_range=scene.visibility_range)
-    swatches = MaterialFieldTranslator(scene, MaterialField(scene, plan.streets, seed=0, ground=plan.ground))
-    panorama = render_panorama(scene, window, plan.viewpoints[0], (32, 64))
-    swatches.translate(panorama)
-    mark_first_visible(scene, window, plan.viewpoints[0], panorama.chart)
-    paint_visible_texels(window, placement, swatches.materials)
+    materials = MaterialField(scene, plan.streets, seed=0, ground=plan.ground)
 
     def read(chart: int, rows: slice, columns: slice) -> tuple[UInt8Array, UInt8Array]:
         size = (int(placement.height[chart]), int(placement.width[chart]))
         return np.zeros((*size, 3), np.uint8)[rows, columns], np.zeros(size, np.uint8)[rows, columns]
 
     for chart in range(len(scene.charts)):
-        finish_chart(scene, swatches.materials, chart, KnownTexture(read, (), ()))
+        finish_chart(scene, materials, chart, KnownTexture(read, ()))
     chart, sun = int(np.flatnonzero(scene.charts.kind == ChartKind.WALL)[0]), Sun(180.0, 45.0)
     shape = (int(placement.height[chart]), int(placement.width[chart]))
     wall = np.full((*shape, 3), 128, np.uint8), np.ones(shape, bool), np.full(shape, FacadeClass.WALL, np.uint8)
@@ -107,7 +95,7 @@ def compile_street_kernels() -> None:
     camera = PerspectiveCamera.from_heading(
         plan.viewpoints[0].position, heading=0, pitch=5, field_of_view=60, size=(6, 8)
     )
-    render_perspective(scene, camera, swatches.materials.chart_raster)
+    render_perspective(scene, camera, materials.chart_raster)
 
 
 # The longest first.

@@ -45,9 +45,9 @@ from tasks.stages.order import (
     PAGES,
     PICTURES,
     STAGE_NAMES,
+    STREETS,
     SURFACES,
     TILES,
-    VIEWPOINTS,
 )
 
 log = logging.getLogger(__name__)
@@ -73,7 +73,7 @@ FACADE_COLUMNS = (
     "layout_score",
 )
 # Stages with equal shares of the progress: the number of units of a stage is known only when it begins.
-_EVERY = (EXEMPLARS, FACADES, VIEWPOINTS, SURFACES, PAGES, TILES, PICTURES)
+_EVERY = (EXEMPLARS, FACADES, STREETS, SURFACES, PAGES, TILES, PICTURES)
 STAGES_OF_EVERY_RUN = {"ingest", "publish", *(kind.stage for kind in _EVERY)}
 
 
@@ -221,8 +221,7 @@ def publish_outcome(run: Run, summary: JsonObject) -> None:
     create_markdown_artifact(
         "\n".join([f"# {escape_markdown(run.block)}", "", *lines, "", find]),
         key=f"{slug}-outputs",
-        description=f"{format_count(summary['facades_done'], 'facade')}, {format_count(summary['viewpoints'], 'viewpoint')}, "
-        f"in {escape_markdown(run.out)}",
+        description=f"{format_count(summary['facades_done'], 'facade')}, in {escape_markdown(run.out)}",
     )
 
 

@@ -35,9 +35,8 @@ from tasks.engine.compute.distributed_map import map_on_workers
 from tasks.engine.fan_out import BATCHES_AT_ONCE, make_batches, process_batch
 from tasks.engine.forecast import describe_rejected_inputs, forecast_work
 from tasks.engine.outcome import UnitOutcomeCounts, list_units_with_rejections
-from tasks.engine.outline import PlanSummary
 from tasks.engine.pending import PendingUnits, find_pending_units
-from tasks.engine.progress import begin_stage, report_progress
+from tasks.engine.progress import begin_stage
 from tasks.engine.run import Run
 from tasks.engine.store.disk_space import require_disk_space
 from tasks.examples.demo import NAME, write_demo
@@ -48,9 +47,6 @@ from tasks.publish.task import publish_block
 from tasks.stages.facades.stage import FACADES
 from tasks.stages.ingest.task import ingest_block
 from tasks.stages.order import STAGES_IN_ORDER
-from tasks.stages.streets.memory import street_memory
-from tasks.stages.streets.redo import select_streets
-from tasks.stages.streets.task import find_finished_streets, record_partial_run, texture_street
 
 log = logging.getLogger(__name__)
 
@@ -82,7 +78,6 @@ def city_block(
     out: str | Path | None = None,
     workers: int = 2,
     dask: str | None = None,
-    only: str | None = None,
     deadline: float | None = None,
     keep: int | None = None,
 ) -> JsonObject | State[JsonObject]:
@@ -94,7 +89,6 @@ def city_block(
     out : folder or s3://bucket/prefix of the results; None for out/NAME of the block file.
     workers : number of local processes.
     dask : address of a Dask scheduler that replaces the local processes, such as tcp://127.0.0.1:8786.
-    only : id or name of the single street to texture; None for all.
     deadline : hours after the scheduled time at which the run ends, finished or not; committed work is kept.
     keep : number of newest published snapshots to keep; None for all.
 
@@ -102,7 +96,7 @@ def city_block(
     -------
     summary : counts, failures and outputs of the run; in a `Completed` state where units failed.
     """
-    summary = texture_block(block_file, out, workers, dask, only, deadline, keep)
+    summary = texture_block(block_file, out, workers, dask, deadline, keep)
     if "withheld" in summary:
         raise TooManyFailuresError(summary["withheld"])
     if summary["failures"]:
@@ -116,7 +110,6 @@ def texture_block(
     out: str | Folder | None = None,
     workers: int = 2,
     dask: str | None = None,
-    only: str | None = None,
     deadline: float | None = None,
     keep: int | None = None,
 ) -> JsonObject:
@@ -124,7 +117,7 @@ def texture_block(
 
     Parameters
     ----------
-    block_file, out, workers, dask, only, deadline, keep : as of `city_block`.
+    block_file, out, workers, dask, deadline, keep : as of `city_block`.
 
     Returns
     -------
@@ -139,7 +132,7 @@ def texture_block(
             submit_tasks(MAX_CONCURRENT_TASKS) as submit,
         ):
             if entry.summary is None:
-                entry.summary = _texture_block(entry, workers, dask, only, _deadline_clock(deadline), submit)
+                entry.summary = _texture_block(entry, workers, dask, _deadline_clock(deadline), submit)
             summary = entry.summary
             if keep is not None:
                 for line in prune_snapshots_or_explain(folder, keep):
@@ -158,7 +151,7 @@ def _deadline_clock(deadline: float | None) -> float | None:
 
 
 def _texture_block(
-    entry: HeldRun, workers: int, dask: str | None, only: str | None, deadline: float | None, submit: Submit
+    entry: HeldRun, workers: int, dask: str | None, deadline: float | None, submit: Submit
 ) -> JsonObject:
     run = entry.run
     block = harvest_block_style(entry.block, run.folder, workers=workers, dask=dask, notify=print_status)
@@ -181,18 +174,13 @@ def _texture_block(
         outcome = UnitOutcomeCounts()
         has_changed = False
         for kind in STAGES_IN_ORDER:
-            if kind.part_of is not None:  # part of another stage's units
-                continue
-            if kind.inputs is None:
-                ended = run_streets(run, outline, compute, only, submit)
-            else:
-                # the units of the forecast, unless a result that their inputs may hold has changed since
-                known = None if has_changed else forecast.units.get(kind.stage)
-                pending = find_pending_units(run, block, kind, known)
-                # the page of a city shows its finished blocks
-                if kind is FACADES and pending.pieces and not pending.done and block.part is None:
-                    start_preview(run, list(chain.from_iterable(pending.pieces)), compute, print_status)
-                ended = run_stage(run, pending, compute, submit)
+            # the units of the forecast, unless a result that their inputs may hold has changed since
+            known = None if has_changed else forecast.units.get(kind.stage)
+            pending = find_pending_units(run, block, kind, known)
+            # the page of a city shows its finished blocks
+            if kind is FACADES and pending.pieces and not pending.done and block.part is None:
+                start_preview(run, list(chain.from_iterable(pending.pieces)), compute, print_status)
+            ended = run_stage(run, pending, compute, submit)
             has_changed |= bool(ended.done or ended.failed)
             outcome += ended
         require_disk_space(run.local)
@@ -239,42 +227,6 @@ def run_stage(run: Run, pending: PendingUnits, compute: Compute, submit: Submit)
         _take_next_result(ended, outcomes)
     outcome += sum((outcomes[number] for number in sorted(outcomes)), UnitOutcomeCounts())
     _log_stage(stage, outcome)
-    return outcome
-
-
-def run_streets(
-    run: Run, outline: PlanSummary, compute: Compute, only: str | None, submit: Submit
-) -> UnitOutcomeCounts:
-    """Run each street after the streets that it depends on, earlier waves first.
-
-    Submits only as many streets as soon find a worker; the others have no task yet.
-    """
-    chosen = select_streets(run, only)
-    order = [street for wave in outline.waves for street in wave if chosen is None or street in chosen]
-    begin_stage("viewpoints", sum(outline.viewpoints[street] for street in order))
-    network = run.texture.panorama_width**2 // 2 if run.texture.translator == "neural" else 0
-    waits = {street: set(outline.after[street]) & set(order) for street in order}
-    outcomes = find_finished_streets(run, order, outline.after)
-    for street in outcomes:
-        del waits[street]
-    begin_stage("streets", len(order), len(outcomes))
-    ended: SimpleQueue[tuple[int, TaskFuture[UnitOutcomeCounts]]] = SimpleQueue()
-    under_way = 0
-    while waits or under_way:
-        ready = [street for street, others in waits.items() if not others - outcomes.keys()]
-        for street in ready[: max(0, BATCHES_AT_ONCE * max(1, compute.threads) - under_way)]:
-            require_disk_space(run.local)
-            memory = street_memory(*outline.windows[street], network=network)
-            future = submit(texture_street, run, street, outline.streets[street], memory, compute)
-            queue_end(ended, street, future)
-            del waits[street]
-            under_way += 1
-        _take_next_result(ended, outcomes)
-        report_progress("streets", 1)
-        under_way -= 1
-    record_partial_run(run, chosen is not None)
-    outcome = sum((outcomes[street] for street in order), UnitOutcomeCounts())
-    _log_stage("streets", outcome)
     return outcome
 
 

@@ -106,7 +106,7 @@ def print_summary(target: Console, summary: JsonObject, *, is_painted: bool = Fa
     summary : outcome of the run.
     is_painted : whether all pictures are painted and show no face or number plate.
     """
-    done = f"{format_count(summary['facades_done'], 'facade')}, {format_count(summary['viewpoints'], 'viewpoint')}"
+    done = f"{format_count(summary['facades_done'], 'facade')}"
     done += f" in {summary['seconds']:.0f} s, {format_count(summary['units_skipped'], 'unit')} done before"
     _print_escaped(target, (summary["block"], "bold"), f": {done}")
     for failure in summary["failures"]:

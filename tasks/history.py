@@ -1,33 +1,49 @@
-"""Atlas after any viewpoint, replayed from the panoramas, which every snapshot retains."""
+"""Ground after any viewpoint of a street, from what its viewpoints decided, which every snapshot retains."""
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from facade_core.atlas.journal import journal_path
+import numpy as np
+
+from facade_core.atlas.journal import read_records
+from facade_core.atlas.rasters import read_chart_raster
 from facade_core.atlas.store import BRANCH, open_repository, open_root
-from facade_core.core.arrays import UInt8Array
+from facade_core.core.arrays import Int64Array, UInt8Array
 from facade_core.core.errors import InputError
+from facade_core.core.provenance import Provenance
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.geometry.charts import ChartKind
 from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan
-from facade_core.street.propagation.texel_buffer import TexelBuffer
-from facade_core.street.surfaces import paint_visible_texels
+from facade_core.street.materials.field import MaterialField
+from facade_core.street.propagation.continuation import StreetView, blend_street_views
+from tasks.engine.stage import is_done_record
 from tasks.stages.shared.materials import rebuild_material_field
-from tasks.stages.streets.worker import replay_street
+from tasks.stages.shared.street_views import list_stored_views
+from tasks.stages.streets.redo import find_streets
 
 
 @dataclass(frozen=True, repr=False)
 class StreetState:
-    """Charts of a street after one of its viewpoints, before colour levelling."""
+    """Charts of a street after one of its viewpoints: base layer, and the ground that its views decided by then.
+
+    Attributes
+    ----------
+    views : what these viewpoints decided.
+    """
 
     plan: Plan
-    buffer: TexelBuffer
+    group: StoreGroup
+    field: MaterialField
+    charts: Int64Array
+    views: tuple[StreetView, ...]
 
     def visible_charts(self) -> list[int]:
         """List the charts that the street sees; all others did not change."""
-        return sorted(self.buffer.layout.charts.tolist())
+        charts: list[int] = self.charts.tolist()
+        return charts
 
     def read_chart(self, chart: int) -> tuple[UInt8Array, UInt8Array]:
         """Return colour (h, w, 3) and provenance (h, w), uint8, of one visible chart.
@@ -36,18 +52,22 @@ class StreetState:
         ------
         InputError : the street does not see the chart.
         """
-        placement = self.plan.scene.placement
-        if chart not in self.buffer.layout.charts:
+        if chart not in self.charts:
             raise InputError(f"the street does not see chart {chart}; visible_charts() lists those that it sees")
-        texels = self.buffer.layout.texel_slice(placement, chart)
-        shape = (int(placement.height[chart]), int(placement.width[chart]))
-        return self.buffer.colour[texels].reshape(*shape, 3), self.buffer.provenance[texels].reshape(shape)
+        scene = self.plan.scene
+        colour, provenance = (
+            read_chart_raster(self.group, scene.placement, chart, f"atlas/{name}") for name in ("seed", "seed_evidence")
+        )
+        if self.views and scene.charts.kind[chart] == ChartKind.GROUND:
+            differences = blend_street_views(scene, chart, self.views)
+            texels = np.nonzero((provenance == Provenance.UNSEEN) & (differences.views > 0))
+            colour[texels] = differences.apply(self.field.texel_colours(chart, *texels), *texels)
+            provenance[texels] = Provenance.TRANSLATED
+        return colour, provenance
 
 
 def after_viewpoint(out: Path | str, street: str, step: int) -> StreetState:
-    """Replay the charts of a street up to one of its viewpoints.
-
-    Base layer and panoramas come from the newest snapshot; panoramas of streets of earlier waves are included.
+    """Return the charts of a street after one of its viewpoints, by the newest snapshot.
 
     Parameters
     ----------
@@ -57,28 +77,26 @@ def after_viewpoint(out: Path | str, street: str, step: int) -> StreetState:
 
     Raises
     ------
-    InputError : the street or the viewpoint is unknown, or the viewpoint is not textured yet.
+    InputError : the street or the viewpoint is unknown, or the street is not textured yet.
     StoreError : the folder has no run.
     """
     session = open_repository(Path(out) / "store").readonly_session(BRANCH)
-    group = open_root(session)
-    plan = read_plan(session)
-    chosen = [index for index, one in enumerate(plan.streets) if street in (one.id, one.name)]
+    group, plan = open_root(session), read_plan(session)
+    chosen = find_streets(plan, street)
     if len(chosen) != 1:
-        problem = "several streets have the name" if chosen else "no street has the id or name"
-        known = [plan.streets[index] for index in chosen or range(min(5, len(plan.streets)))]
-        raise InputError(
-            f"{out}: {problem} {street!r}; there are {', '.join(f'{o.id} ({o.name})' if o.name else o.id for o in known)}"
-        )
-    viewpoints = plan.street_viewpoints(chosen[0])
-    if not 0 <= step < len(viewpoints):
-        raise InputError(
-            f"{out}: street {street} has {len(viewpoints)} viewpoints; {step} is none of 0 to {len(viewpoints) - 1}"
-        )
-    if not group[journal_path("viewpoints")][viewpoints[step].id].item():
-        raise InputError(f"{out}: viewpoint {step} of street {street} is not textured yet; run the block on")
-    field = rebuild_material_field(group, plan)
-    window = replay_street(plan, group, chosen[0], step + 1, field=field is not None, threads=os.cpu_count() or 1)
-    if field is not None:
-        paint_visible_texels(window, plan.scene.placement, field)
-    return StreetState(plan, window)
+        known = ", ".join(plan.streets[index].id for index in chosen)
+        raise InputError(f"{out}: several streets have the name {street!r}; give the id of one: {known}")
+    count = len(plan.street_viewpoints(chosen[0]))
+    if not 0 <= step < count:
+        raise InputError(f"{out}: street {street} has {count} viewpoints; {step} is none of 0 to {count - 1}")
+    if not is_done_record(read_records(group, "streets", np.array(chosen))[0]):
+        raise InputError(f"{out}: street {street} is not textured yet; run the block on")
+    return street_after(plan, group, rebuild_material_field(group, plan), chosen[0], step)
+
+
+def street_after(plan: Plan, group: StoreGroup, field: MaterialField, street: int, step: int) -> StreetState:
+    """Return the charts of a street after one of its viewpoints."""
+    stored = list_stored_views(plan, group)
+    own = [one.id for one in plan.street_viewpoints(street)[: step + 1] if one.id in stored]
+    views = tuple(stored[viewpoint].read(group, plan, viewpoint) for viewpoint in own)
+    return StreetState(plan, group, field, plan.charts_of_street(street), views)

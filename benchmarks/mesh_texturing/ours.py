@@ -66,7 +66,7 @@ def texture_as_a_run(case: Case, files: Sequence[Path]) -> dict[int, np.ndarray]
             known[chart] = (view.rgb, rank)
             walls.append(chart)
     materials = MaterialField(scene, case.streets, seed=1)
-    texture = KnownTexture(_Reader(case, known), known, (), walls)
+    texture = KnownTexture(_Reader(case, known), known, walls)
     return {chart: finish_chart(scene, materials, chart, texture)[0] for chart in range(len(scene.charts))}
 
 

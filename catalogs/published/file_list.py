@@ -24,14 +24,12 @@ class FileList(TypedDict):
     Attributes
     ----------
     predecessor : snapshot that was published before.
-    tags : tags of the streets in the snapshot.
     files : path -> size and digest.
     made : path -> digest of what a file is made from.
     failed : what could not be published -> why.
     """
 
     predecessor: str | None
-    tags: list[str]
     files: dict[str, SizeAndDigest]
     made: dict[str, str]
     failed: dict[str, str]
@@ -40,7 +38,6 @@ class FileList(TypedDict):
 def write_file_list(
     folder: Path,
     predecessor: str | None,
-    tags: Iterable[str],
     *,
     source_digests: Mapping[str, str] | None = None,
     known: Mapping[str, SizeAndDigest] | None = None,
@@ -51,7 +48,6 @@ def write_file_list(
     Parameters
     ----------
     predecessor : snapshot that was published before.
-    tags : tags of the streets in the snapshot.
     source_digests : path -> digest of what a file is made from, so that a later snapshot may link it.
     known : path -> size and digest of files that need not be read.
     failures : what could not be published -> why.
@@ -63,7 +59,6 @@ def write_file_list(
     }
     content: FileList = {
         "predecessor": predecessor,
-        "tags": sorted(tags),
         "files": listed,
         "made": dict(source_digests or {}),
         "failed": dict(failures or {}),
@@ -110,12 +105,6 @@ def update_file_list(folder: Folder, names: Iterable[str]) -> None:
     _write_json(folder, content)
 
 
-def read_street_icechunk_tags(folder: Folder) -> list[str]:
-    """Return the tags of street commits in the run's Icechunk store, as a published snapshot lists them."""
-    content = read_file_list(folder)
-    return content["tags"] if content else []
-
-
 def read_predecessor(folder: Folder) -> str | None:
     """Return the id of the snapshot that was published before, or None if unknown."""
     content = read_file_list(folder)
@@ -128,7 +117,6 @@ def read_file_list(folder: Folder) -> FileList | None:
         content = json.loads((folder / FILE_LIST_NAME).read_text())
         return {
             "predecessor": content["predecessor"],
-            "tags": list(map(str, content["tags"])),
             "files": {str(name): (int(size), str(digest)) for name, (size, digest) in content["files"].items()},
             "made": {str(name): str(digest) for name, digest in content["made"].items()},
             "failed": {str(what): str(why) for what, why in content["failed"].items()},

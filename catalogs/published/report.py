@@ -100,9 +100,8 @@ class ReportContent:
     rows : rows of the catalogue, with `look_first` added: urgency of a review, the largest first.
     set_aside : rows of the units that were set aside.
     records : facade -> its record.
-    streets, viewpoints : records.
+    streets : records.
     views : pictures along streets.
-    panoramas : (name, title) of translated panoramas.
     sheets : facade -> (name, title) of its pictures.
     textures_only : facades of which only the texture is shown.
     exemplars : prepared exemplars.
@@ -117,10 +116,8 @@ class ReportContent:
     rows: Sequence[ItemRow]
     set_aside: Sequence[ItemRow]
     records: Mapping[str, FacadeTimings]
-    streets: Sequence[Mapping[str, object]]
-    viewpoints: Sequence[UnitTimings]
+    streets: Sequence[UnitTimings]
     views: Sequence[str]
-    panoramas: Sequence[tuple[str, str]]
     sheets: Mapping[str, Sequence[tuple[str, str]]]
     textures_only: frozenset[str]
     exemplars: Sequence[ReportExemplar]
@@ -198,12 +195,11 @@ def _write_index(
         set_aside=[*content.set_aside, *(row for row in rows if row["status"] == "failed")],
         streets=content.streets,
         above=(folder / "images" / "above.jpg").is_file(),
-        panoramas=[(title, f"images/{name}") for name, title in content.panoramas],
         poses=content.poses,
         heights=content.heights,
         models=content.models,
         views=[f"images/{name}" for name in content.views],
-        timings=[*_timings("facade", content.records.values()), *_timings("viewpoint", content.viewpoints)],
+        timings=[*_timings("facade", content.records.values()), *_timings("street", content.streets)],
     )
     (folder / "index.html").write_text(page, encoding="utf-8")
 

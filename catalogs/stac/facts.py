@@ -68,11 +68,8 @@ class StreetFacts:
     ----------
     line : centreline in the block's frame, metres.
     state : one of STREET_STATES.
-    viewpoints, viewpoints_done : number of viewpoints, and of textured ones.
-    wave : number of the group of streets that share no chunk and are textured together.
-    texels : texels that the street wrote.
-    coverage : share of the texels that it may write.
-    seconds : time spent on the street and its viewpoints.
+    viewpoints, viewpoints_done : number of viewpoints, and of those that decided texels.
+    seconds : time spent on the street.
     updated : when it was textured, None if it was not yet.
     """
 
@@ -83,9 +80,6 @@ class StreetFacts:
     reason: str | None
     viewpoints: int
     viewpoints_done: int
-    wave: int
-    texels: int | None
-    coverage: float | None
     key: str | None
     seconds: float | None
     updated: datetime | None

@@ -37,7 +37,7 @@ ITEM_PROPERTIES = tuple(column.name for column in COLUMNS if column.name not in 
 _SHARE_COLUMNS = PROVENANCE[: Provenance.MATERIAL : -1]
 
 
-_STREET_PROPERTIES = ("name", "reason", "viewpoints", "viewpoints_done", "wave", "texels", "coverage", "seconds", "key")
+_STREET_PROPERTIES = ("name", "reason", "viewpoints", "viewpoints_done", "seconds", "key")
 
 
 @dataclass(frozen=True, slots=True)

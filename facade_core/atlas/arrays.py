@@ -17,7 +17,7 @@ from facade_core.geometry.chart_packing import ChartPlacements
 
 # Format of a store, kept in its attributes. Increase it when the layout of tables, arrays or records changes; the next
 # run then recreates stores of other formats.
-STORE_FORMAT = 6
+STORE_FORMAT = 7
 
 PAGE_DIMS = ("page", "y", "x")
 PAGE_RGB_DIMS = ("page", "y", "x", "band")
@@ -50,16 +50,6 @@ BASE_ARRAYS = (
         "facade_maps/camera", PAGE_DIMS, "uint16", "which of the cameras in its record it is from, from 1 on; 0 none"
     ),
 )
-STREET_ARRAYS = (
-    ArraySpec(
-        "atlas/street",
-        PAGE_RGB_DIMS,
-        "uint8",
-        "colour from the street stage, Eq. 1",
-        {"ancillary_variables": "street_views"},
-    ),
-    ArraySpec("atlas/street_views", PAGE_DIMS, "uint16", "views blended into street", {"units": "1"}),
-)
 SURFACE_ARRAYS = (
     ArraySpec("atlas/colour", PAGE_RGB_DIMS, "uint8", "resolved colour", {"ancillary_variables": "provenance"}),
     ArraySpec(
@@ -69,27 +59,19 @@ SURFACE_ARRAYS = (
         "source of colour: " + ", ".join(f"{rank} {source}" for rank, source in enumerate(PROVENANCE)),
         PROVENANCE_FLAGS,
     ),
+    ArraySpec(
+        "atlas/street_views", PAGE_DIMS, "uint16", "views of streets that decided colour by Eq. 1", {"units": "1"}
+    ),
 )
 STAGE_ARRAYS = {
     "textures": BASE_ARRAYS,
     "grounds": BASE_ARRAYS,
     "walls": BASE_ARRAYS,
     "facades": BASE_ARRAYS,
-    "streets": STREET_ARRAYS,
     "surfaces": SURFACE_ARRAYS,
 }
 
-ARRAYS = (
-    *BASE_ARRAYS,
-    *STREET_ARRAYS,
-    *SURFACE_ARRAYS,
-    ArraySpec(
-        "panoramas/rgb",
-        ("viewpoint", "row", "column", "band"),
-        "uint8",
-        "translated equirectangular panorama; the truth of street texturing",
-    ),
-)
+ARRAYS = (*BASE_ARRAYS, *SURFACE_ARRAYS)
 
 
 def journal_array_spec(stage: str) -> ArraySpec:
@@ -98,10 +80,8 @@ def journal_array_spec(stage: str) -> ArraySpec:
     return ArraySpec(journal_path(stage), (_unit_dimension(stage),), STRING_DTYPE, meaning)
 
 
-def create_arrays(
-    group: StoreGroup, spec: AtlasSpec, units: Mapping[str, int], *, crs: str, panorama_width: int
-) -> None:
-    """Create empty atlas pages, facade maps, panoramas and journals; no chunk is written.
+def create_arrays(group: StoreGroup, spec: AtlasSpec, units: Mapping[str, int], *, crs: str) -> None:
+    """Create empty atlas pages, facade maps and journals; no chunk is written.
 
     Parameters
     ----------
@@ -109,34 +89,31 @@ def create_arrays(
     spec : size of pages and chunks.
     units : number of units by stage.
     crs : coordinate reference system of the block.
-    panorama_width : pixels; panoramas are half as high.
     """
-    axes = _axes(spec, units, panorama_width)
+    axes = _axes(spec, units)
     for array in (*ARRAYS, *map(journal_array_spec, units)):
         array.create(group, axes)
     for folder in ("atlas", "facade_maps"):
         group.require_group(folder).attrs.update(
             crs=crs, texels_per_metre=spec.texels_per_metre, gutter=spec.gutter, units="texel"
         )
-    group.require_group("panoramas").attrs.update(crs=crs)
     for folder in FOLDERS:
         group.create_group(folder, overwrite=True)
     group.attrs.update(format=STORE_FORMAT)
 
 
-def resize_arrays(group: StoreGroup, spec: AtlasSpec, units: Mapping[str, int], *, panorama_width: int) -> None:
+def resize_arrays(group: StoreGroup, spec: AtlasSpec, units: Mapping[str, int]) -> None:
     """Resize the arrays of `create_arrays` to other numbers of pages and units.
 
-    Content that is inside both sizes stays. Panoramas of another width start empty.
+    Content that is inside both sizes stays.
 
     Parameters
     ----------
     group : root group of the store.
     spec : size of pages and chunks.
     units : number of units by stage.
-    panorama_width : pixels; panoramas are half as high.
     """
-    axes = _axes(spec, units, panorama_width)
+    axes = _axes(spec, units)
     for array in (*ARRAYS, *map(journal_array_spec, units)):
         array.resize(group, axes)
     for folder in FOLDERS:
@@ -157,20 +134,17 @@ def clear_rasters(
     charts : rows of the charts to clear.
     stage : clears the arrays of this stage only; None clears those of all stages.
     """
-    arrays = [
-        group[array.path]
-        for array in (STAGE_ARRAYS[stage] if stage else (*BASE_ARRAYS, *STREET_ARRAYS, *SURFACE_ARRAYS))
-    ]
+    arrays = [group[array.path] for array in (STAGE_ARRAYS[stage] if stage else ARRAYS)]
     for chart in charts:
         layout = TexelLayout.of_charts(placement, [chart])
         for array in arrays:
             write_rasters(array, spec, placement, layout, np.zeros((layout.total, *array.shape[3:]), array.dtype))
 
 
-def _axes(spec: AtlasSpec, units: Mapping[str, int], panorama_width: int) -> dict[str, DimensionAndChunkSize]:
+def _axes(spec: AtlasSpec, units: Mapping[str, int]) -> dict[str, DimensionAndChunkSize]:
     """Return every dimension of `ARRAYS` and of the journal.
 
-    A chunk is a square of a page, a panorama, or the output of one unit.
+    A chunk is a square of a page, or the output of one unit.
     """
     return {
         **{_unit_dimension(stage): DimensionAndChunkSize(count, 1) for stage, count in units.items()},
@@ -178,8 +152,6 @@ def _axes(spec: AtlasSpec, units: Mapping[str, int], panorama_width: int) -> dic
         "y": DimensionAndChunkSize(spec.page, spec.chunk),
         "x": DimensionAndChunkSize(spec.page, spec.chunk),
         "band": DimensionAndChunkSize(3, 3),
-        "row": DimensionAndChunkSize(panorama_width // 2, panorama_width // 2),
-        "column": DimensionAndChunkSize(panorama_width, panorama_width),
     }
 
 

@@ -49,12 +49,6 @@ class Record(TypedDict, total=False):
     files: dict[str, str]
 
 
-class StreetWaveRecord(Record, total=False):
-    """Journal record of a street, with the wave that gives the order of writers."""
-
-    wave: int
-
-
 R = TypeVar("R", bound=Record)
 
 # Folder of the journals in a store.
@@ -137,22 +131,17 @@ def unit_key(*parts: object) -> str:
     return hashlib.blake2b(json.dumps(parts, sort_keys=True).encode(), digest_size=16).hexdigest()
 
 
-def latest_chart_digests(
-    base_records: Sequence[Record | None], street_records: Sequence[StreetWaveRecord | None]
-) -> dict[str, str]:
+def latest_chart_digests(records: Sequence[Record | None]) -> dict[str, str]:
     """Return the digest of every chart by its id, as its last writer left it.
 
     Parameters
     ----------
-    base_records : records of stages that write the base layer; no two of them share a chart.
-    street_records : records of streets; these write in the order of their waves.
+    records : records of stages that write one layer; no two of them share a chart.
     """
     charts: dict[str, str] = {}
-    for record in base_records:
+    for record in records:
         if record:
             charts.update(record.get("digests", {}))
-    for record in sorted((r for r in street_records if r), key=lambda r: (r["wave"], r["unit"])):
-        charts.update(record["digests"])
     return charts
 
 
@@ -161,7 +150,7 @@ def atlas_digest(group: StoreGroup) -> str:
 
     Independent of the charts' place on the pages.
     """
-    charts = latest_chart_digests(read_journal(group, "surfaces"), [])
+    charts = latest_chart_digests(read_journal(group, "surfaces"))
     digest = hashlib.sha256()
     for name in sorted(charts):
         digest.update(f"{name}:{charts[name]}\n".encode())

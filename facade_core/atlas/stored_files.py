@@ -27,12 +27,19 @@ COARSE = "coarse"
 PICTURES = "pictures"
 # Prepared exemplars: a folder of arrays each.
 EXEMPLARS = "exemplars"
-FOLDERS = (HIERARCHIES, EARLIER, PAGES, TILES, COARSE, PICTURES, EXEMPLARS)
+# What the viewpoints of streets decided: a folder of arrays for each street.
+STREET_VIEWS = "street_views"
+FOLDERS = (HIERARCHIES, EARLIER, PAGES, TILES, COARSE, PICTURES, EXEMPLARS, STREET_VIEWS)
 
 
 def exemplar_folder(file_name: str) -> str:
     """Return the folder of a prepared exemplar, by the name of its file: no two of a block are equal."""
     return f"{EXEMPLARS}/{hashlib.blake2b(file_name.encode(), digest_size=8).hexdigest()}"
+
+
+def street_view_path(street: str, number: int) -> str:
+    """Return the path of what a viewpoint decided, by the id of its street and its number along it."""
+    return f"{STREET_VIEWS}/{hashlib.blake2b(street.encode(), digest_size=8).hexdigest()}/{number}"
 
 
 def variation_hierarchy_path(chart: int) -> str:

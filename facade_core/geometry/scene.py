@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -62,6 +62,19 @@ class Scene:
     def daylight(self) -> ChartDaylight:
         """Return the daylight of the charts."""
         return ChartDaylight(self.charts, self.caster)
+
+    def with_density(self, texels_per_metre: float) -> Scene:
+        """Return the scene with no more texels per metre on any chart; the ray caster and the daylight are shared.
+
+        Its charts have no place on pages.
+        """
+        placement = self.placement
+        density = np.minimum(placement.texels_per_metre, texels_per_metre)
+        width, height = self.charts.texels(density).astype(np.int32).T
+        coarse = replace(placement, width=width, height=height, texels_per_metre=density)
+        changed = replace(self, placement=coarse)
+        vars(changed).update(caster=self.caster, daylight=self.daylight)
+        return changed
 
     def cast_panorama(self, viewpoint: Viewpoint, width: int) -> tuple[Float64Array, Float32Array, Int32Array]:
         """Cast the rays of a viewpoint's panorama.

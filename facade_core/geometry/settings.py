@@ -175,7 +175,7 @@ class StreetSettings:
     min_street_m: float = 1.0
 
 
-STREET_WAVES = StreetSettings()
+STREET_VIEWPOINTS = StreetSettings()
 
 
 @dataclass(frozen=True, slots=True)

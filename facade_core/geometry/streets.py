@@ -1,20 +1,16 @@
-"""Viewpoints along street centrelines (street paper, 3), and waves of streets that may run in parallel."""
+"""Viewpoints along street centrelines (street paper, 3)."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 import shapely
 from shapely import LineString, Polygon
 
-from facade_core.core.arrays import Float64Array, Int32Array, Int64Array
-from facade_core.core.grouping import RowsByValue
-from facade_core.geometry.settings import STREET_WAVES, StreetSettings
-
-ChunkId = TypeVar("ChunkId", bound=Hashable)
+from facade_core.core.arrays import Float64Array
+from facade_core.geometry.settings import STREET_VIEWPOINTS, StreetSettings
 
 
 @dataclass(frozen=True)
@@ -48,7 +44,7 @@ def place_viewpoints(
     obstacles: Sequence[Polygon] | shapely.STRtree = (),
     clearance: float = 0.3,
     ground: Callable[[Float64Array], Float64Array] = zero_ground_heights,
-    settings: StreetSettings = STREET_WAVES,
+    settings: StreetSettings = STREET_VIEWPOINTS,
 ) -> tuple[Float64Array, Float64Array]:
     """Place viewpoints every `spacing` metres along a centreline.
 
@@ -87,50 +83,3 @@ def place_viewpoints(
     free[tree.query(shapely.points(points), predicate="dwithin", distance=clearance)[0]] = False
     points, forward = points[free], forward[free] / length[free, None]
     return np.column_stack([points, ground(points) + height]), forward
-
-
-def assign_streets_to_waves(reads: Sequence[set[ChunkId]], writes: Sequence[set[ChunkId]]) -> Int32Array:
-    """Assign streets to waves, (n,); within a wave no street touches a chunk that another writes.
-
-    Greedy colouring of the conflict graph: streets with most conflicts first (ties: lower index), lowest free wave.
-    """
-    n = len(writes)
-    readers: dict[ChunkId, set[int]] = {}
-    for street, chunks in enumerate(reads):
-        for chunk in chunks:
-            readers.setdefault(chunk, set()).add(street)
-    conflicts: list[set[int]] = [set() for _ in range(n)]
-    for street, chunks in enumerate(writes):
-        for chunk in chunks:
-            for other in readers.get(chunk, ()):
-                if other != street:
-                    conflicts[street].add(other)
-                    conflicts[other].add(street)
-    wave = np.full(n, -1, np.int32)
-    for street in sorted(range(n), key=lambda s: (-len(conflicts[s]), s)):
-        taken = {int(wave[other]) for other in conflicts[street]}
-        wave[street] = next(w for w in range(n + 1) if w not in taken)
-    return wave
-
-
-def street_predecessors(wave: Int32Array, reads: Int64Array, writes: Int64Array) -> list[Int64Array]:
-    """Return for each street the streets of earlier waves that must end before it starts, ascending.
-
-    They touch a chunk of its writes, or write a chunk of its reads.
-
-    Parameters
-    ----------
-    wave : (n,) wave of each street.
-    reads, writes : (r, 2) and (w, 2) pairs of street and chunk; writes are among the reads.
-    """
-    writes, reads = (np.unique(pairs, axis=0) for pairs in (writes, reads))
-    by_chunk = RowsByValue(reads[:, 1])
-    pairs = [np.zeros((0, 2), np.int64)]
-    for street, chunk in writes.tolist():
-        others = reads[by_chunk.rows_with(chunk), 0]
-        pairs.append(np.column_stack([np.full(len(others), street), others]))
-    both = np.concatenate(pairs)
-    both = np.concatenate([both, both[:, ::-1]])
-    both = np.unique(both[wave[both[:, 0]] < wave[both[:, 1]]], axis=0)
-    after = RowsByValue(both[:, 1])
-    return [both[after.rows_with(street), 0] for street in range(len(wave))]

@@ -181,18 +181,6 @@ def free_wall_mask(
     )
 
 
-def whole_surface_mask(charts: Charts, chosen: BoolArray) -> BoolArray:
-    """Return the chosen charts whose surface has no other chart, (charts,) bool.
-
-    Parameters
-    ----------
-    chosen : (charts,) bool.
-    """
-    others = np.zeros(int(charts.surface.max(initial=-1)) + 1, bool)
-    others[charts.surface[~chosen]] = True
-    return chosen & ~others[charts.surface]
-
-
 def _is_upright_wall(scene: Scene, buildings: Sequence[Building], settings: FacadeSettings) -> BoolArray:
     """Return the charts that are neither gables nor inside passages, (charts,)."""
     return ~_is_gable(scene, buildings) & ~_is_inside_passage(scene.charts, buildings, settings)

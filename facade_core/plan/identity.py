@@ -14,7 +14,7 @@ from typing import NamedTuple, Protocol, TypeVar
 import numpy as np
 import shapely
 
-from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array, UInt64Array
+from facade_core.core.arrays import Float64Array, Int32Array, Int64Array, UInt64Array
 from facade_core.core.types import PLAIN, BuildingFinish, MappedGround
 from facade_core.geometry.charts import ChartKind, Charts, Mesh
 from facade_core.geometry.ground.shapes import GroundTiles
@@ -142,14 +142,11 @@ class ViewDigests:
     Attributes
     ----------
     charts : ascending charts in the panorama of each viewpoint.
-    whole : digest of everything that a viewpoint's panorama is made of.
-    painted : digest of what a viewpoint contributes where a material field decides the colours: which texels of the
-        charts that streets paint it sees, and what their colours are made of.
+    digests : digest of everything that a viewpoint's panorama is made of.
     """
 
     charts: list[Int32Array]
-    whole: tuple[str, ...]
-    painted: tuple[str, ...]
+    digests: tuple[str, ...]
 
 
 def compute_view_digests(
@@ -160,14 +157,11 @@ def compute_view_digests(
     ground: MappedGround,
     width: int,
     parallel_map: ParallelMap = map_in_this_process,
-    *,
-    street_charts: BoolArray | None = None,
 ) -> ViewDigests:
     """Compute what the panorama of each viewpoint shows, and digests of everything it is made of.
 
-    The whole digest covers the chart and depth of every pixel, the objects, common surfaces and daylight of the charts,
-    and the ground drawn on them. The painted one leaves out depths, what is not in `street_charts`, and what is behind
-    the range, of which no colour depends. Other changes of the block leave them equal.
+    They cover the chart and depth of every pixel, the objects, common surfaces and daylight of the charts, and the ground
+    drawn on them. Other changes of the block leave them equal.
 
     Parameters
     ----------
@@ -177,10 +171,8 @@ def compute_view_digests(
     ground : mapped ground.
     width : panorama width in pixels.
     parallel_map : runs the ray casts.
-    street_charts : (charts,) charts that streets may paint; None for all. Charts of one surface are equal in this.
     """
-    allowed = np.ones(len(scene.charts), bool) if street_charts is None else street_charts
-    traces = parallel_map(partial(_trace_viewpoints, scene, ids, width, allowed), viewpoints)
+    traces = parallel_map(partial(_trace_viewpoints, scene, ids, width), viewpoints)
     seen = [trace.charts for trace in traces]
     lit = np.unique(np.concatenate([*seen, np.zeros(0, np.int32)]))
     light = np.zeros(len(scene.charts), np.uint64)
@@ -198,37 +190,29 @@ def compute_view_digests(
             digest.update(squares.digest(chart))
         return digest.hexdigest()
 
-    return ViewDigests(
-        seen,
-        tuple(digest_view(trace.charts, trace.pixels) for trace in traces),
-        tuple(digest_view(trace.charts[allowed[trace.charts]], trace.painted_pixels) for trace in traces),
-    )
+    return ViewDigests(seen, tuple(digest_view(trace.charts, trace.pixels) for trace in traces))
 
 
 class _Trace(NamedTuple):
-    """Ascending charts of a viewpoint, and digests of all its pixels and of those that streets may paint."""
+    """Ascending charts of a viewpoint, and a digest of its pixels."""
 
     charts: Int32Array
     pixels: bytes
-    painted_pixels: bytes
 
 
-def _trace_viewpoints(
-    scene: Scene, ids: UInt64Array, width: int, street_charts: BoolArray, cameras: Sequence[Viewpoint]
-) -> list[_Trace]:
+def _trace_viewpoints(scene: Scene, ids: UInt64Array, width: int, cameras: Sequence[Viewpoint]) -> list[_Trace]:
     found = []
     for camera in cameras:
         _, depth, chart = scene.cast_panorama(camera, width)
         shown = chart != MISS
         pixels = np.where(shown, ids[chart], np.where(np.isfinite(depth), BEYOND, SKY).astype(np.uint64))
         place = np.concatenate([camera.position, camera.forward]).tobytes()
-        digest, painted = blake2b(place, digest_size=16), blake2b(place, digest_size=16)
+        digest = blake2b(place, digest_size=16)
         digest.update(pixels.tobytes())
         digest.update(np.where(shown, depth, 0).astype(np.float32).tobytes())
-        painted.update(np.where(shown & street_charts[chart], ids[chart], np.uint64(SKY)).tobytes())
         seen = np.zeros(len(scene.charts), bool)
         seen[chart[shown]] = True
-        found.append(_Trace(np.flatnonzero(seen).astype(np.int32), digest.digest(), painted.digest()))
+        found.append(_Trace(np.flatnonzero(seen).astype(np.int32), digest.digest()))
     return found
 
 

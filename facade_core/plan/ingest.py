@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from shapely import MultiPolygon, Polygon
 
-from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, UInt64Array
+from facade_core.core.arrays import BoolArray, Float64Array, UInt64Array
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.types import Building, ElevationRaster, MappedGround, Pose, Street
 from facade_core.geometry.block_surfaces import build_block_surfaces
@@ -19,7 +19,7 @@ from facade_core.geometry.ground.carriageways import fit_ground_between_building
 from facade_core.geometry.ground.street_gaps import derive_streets
 from facade_core.geometry.ground.terrain import Terrain, build_terrain
 from facade_core.geometry.scene import Scene
-from facade_core.geometry.streets import Viewpoint, assign_streets_to_waves, place_viewpoints
+from facade_core.geometry.streets import Viewpoint, place_viewpoints
 from facade_core.geometry.texel_density import min_texel_density, texel_density
 from facade_core.geometry.walls import free_wall_shares
 from facade_core.plan.core_region import (
@@ -29,7 +29,7 @@ from facade_core.plan.core_region import (
     core_viewpoints,
     restrict_to_core_streets,
 )
-from facade_core.plan.facades import find_facades, free_wall_mask, whole_surface_mask
+from facade_core.plan.facades import find_facades
 from facade_core.plan.identity import (
     ParallelMap,
     build_scene_objects,
@@ -187,7 +187,7 @@ def build_plan(
     parallel_map: ParallelMap = map_in_this_process,
     core: CoreRegion | None = None,
 ) -> Plan:
-    """Build the plan of a block: charts, mesh, atlas places, facades, viewpoints and waves of streets.
+    """Build the plan of a block: charts, mesh, atlas places, facades and viewpoints.
 
     Parameters
     ----------
@@ -215,11 +215,10 @@ def complete_plan(
     parallel_map: ParallelMap = map_in_this_process,
     core: CoreRegion | None = None,
 ) -> Plan:
-    """Complete the plan of a scene: facades, views, waves of streets and sightings; parameters as of `build_plan`."""
+    """Complete the plan of a scene: facades, views and sightings; parameters as of `build_plan`."""
     scene, streets, ground, cameras = layout.scene, layout.streets, layout.ground, layout.viewpoints
     buildings, charts, mesh, ids, owned = inputs.buildings, scene.charts, scene.mesh, layout.ids, layout.in_core
     around = streets if settings.walls == "exemplar" else ()
-    walls = free_wall_mask(scene, buildings, layout.free_share) if around else np.zeros(len(charts), bool)
     looks = compute_view_digests(
         scene,
         build_scene_objects(charts, mesh, scene.names),
@@ -228,7 +227,6 @@ def complete_plan(
         ground,
         settings.panorama_width,
         parallel_map,
-        street_charts=~whole_surface_mask(charts, walls),
     )
     facades = find_facades(scene, buildings, cameras, looks.charts, settings.floor_height, layout.free_share, around)
     rows = list(range(len(cameras)))
@@ -258,10 +256,8 @@ def complete_plan(
         viewpoints=tuple(cameras),
         views=views,
         writable=writable,
-        wave=_street_waves(scene, cameras, seen, writable, len(streets)),
         ids=ids,
-        view_digests=tuple(looks.whole[row] for row in rows),
-        painted_digests=tuple(looks.painted[row] for row in rows),
+        view_digests=tuple(looks.digests[row] for row in rows),
         in_core=owned,
         street_density=scene.placement.texels_per_metre,
     )
@@ -297,21 +293,3 @@ def fill_pose_heights(poses: Sequence[Pose], terrain: Terrain, height: float) ->
         else pose
         for pose in poses
     )
-
-
-def _street_waves(
-    scene: Scene, cameras: Sequence[Viewpoint], seen: Sequence[Int32Array], writable: BoolArray, streets: int
-) -> Int32Array:
-    """Colour the conflict graph of streets, by shared chunks, into waves."""
-    chunks: dict[int, frozenset[tuple[int, ...]]] = {}
-    reads: list[set[tuple[int, ...]]] = [set() for _ in range(streets)]
-    writes: list[set[tuple[int, ...]]] = [set() for _ in range(streets)]
-    for camera, row in zip(cameras, seen, strict=True):
-        for chart in row.tolist():
-            if chart not in chunks:
-                cells = scene.placement.chunks(chart, scene.spec.chunk, scene.spec.gutter)
-                chunks[chart] = frozenset(map(tuple, cells.tolist()))
-            reads[camera.street] |= chunks[chart]
-            if writable[chart]:
-                writes[camera.street] |= chunks[chart]
-    return assign_streets_to_waves(reads, writes)

@@ -71,11 +71,9 @@ class Plan:
     textured : (charts,) True with a texture of the source, or from a picture from above.
     viewpoints : viewpoints along the streets.
     views : (k, 2) sorted pairs of viewpoint and chart in its panorama.
-    writable : (charts,) True where the street stage writes.
-    wave : (streets,) wave of each street.
+    writable : (charts,) True where no facade and no texture of the source writes.
     ids : (charts,) chart ids.
     view_digests : (viewpoints,) digests of everything that a viewpoint sees.
-    painted_digests : (viewpoints,) digests of what it contributes where a material field decides the colours.
     in_core : (charts,) True in the core region, which is textured and published; the halo is only seen.
     street_density : (charts,) texels per metre by the streets, before pictures raise that of facades.
     """
@@ -91,10 +89,8 @@ class Plan:
     viewpoints: tuple[Viewpoint, ...]
     views: Int32Array
     writable: BoolArray
-    wave: Int32Array
     ids: UInt64Array
     view_digests: tuple[str, ...]
-    painted_digests: tuple[str, ...]
     in_core: BoolArray
     street_density: Float64Array
 
@@ -218,14 +214,6 @@ class Plan:
     def _charts_by_street(self) -> RowsByValue:
         return RowsByValue(self.street_charts[:, 0])
 
-    def select_street_chart_pairs(self, charts: Int64Array) -> Int64Array:
-        """Return the rows (k, 2) of the street and chart pairs with some charts (n,)."""
-        return self.street_charts[self._streets_by_chart.rows_with_any(charts)]
-
-    @cached_property
-    def _streets_by_chart(self) -> RowsByValue:
-        return RowsByValue(self.street_charts[:, 1])
-
     def charts_of_viewpoint(self, viewpoint: int) -> Int32Array:
         """Return the charts (k,) in the panorama of a viewpoint, ascending."""
         charts: Int32Array = self.views[self._charts_by_viewpoint.rows_with(viewpoint), 1]
@@ -256,11 +244,3 @@ class Plan:
         for building, picture in np.unique(pairs, axis=0).tolist():
             pictures.setdefault(building, []).append(picture)
         return pictures
-
-    def street_texel_counts(self) -> Int64Array:
-        """Return per street the numbers of texels that it sees and writes, (streets, 2)."""
-        seen = self.street_charts
-        texels = self.texel_counts()
-        total = np.zeros((len(self.wave), 2), np.int64)
-        np.add.at(total, seen[:, 0], np.column_stack([texels, texels * self.writable])[seen[:, 1]])
-        return total

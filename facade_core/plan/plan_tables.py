@@ -105,7 +105,6 @@ def _plan_values(plan: Plan, buildings: Sequence[Building]) -> dict[str, dict[st
         "streets": {
             "id": [s.id for s in streets],
             "name": _texts(streets, "name"),
-            "wave": plan.wave,
             "point": np.concatenate([_street_points(s) for s in streets] or [np.empty((0, 2))]),
             "point_street": np.repeat(np.arange(len(streets)), [len(_street_points(s)) for s in streets]),
         },
@@ -139,7 +138,6 @@ def _camera_tables(plan: Plan) -> dict[str, dict[str, object]]:
             "position": np.array([v.position for v in plan.viewpoints]).reshape(-1, 3),
             "forward": np.array([v.forward for v in plan.viewpoints]).reshape(-1, 2),
             "look": plan.view_digests,
-            "painted": plan.painted_digests,
             "view_viewpoint": plan.views[:, 0],
             "view_chart": plan.views[:, 1],
             "spacing": plan.scene.spacing,
@@ -242,10 +240,8 @@ def _plan_from_tables(tables: Mapping[str, TableValues], texels_per_metre: float
         ),
         views=np.column_stack([cameras["view_viewpoint"], cameras["view_chart"]]),
         writable=charts["writable"],
-        wave=streets["wave"],
         ids=charts["id"],
         view_digests=cameras["look"],
-        painted_digests=cameras["painted"],
         in_core=charts["own"],
         street_density=charts.get("street_texels_per_metre", placement.texels_per_metre),
     )

@@ -1,4 +1,4 @@
-"""Complete charts: texture from facades and streets, materials elsewhere."""
+"""Complete charts: texture of the base layer, materials elsewhere, ground after what streets continue."""
 
 from __future__ import annotations
 
@@ -9,11 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from facade_core.atlas.surroundings import ChartReader, coplanar_pieces, read_chart_with_surroundings
-from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int64Array, UInt8Array
+from facade_core.core.arrays import BoolArray, Float32Array, Int64Array, UInt8Array
 from facade_core.core.levelling import MAX_SEAM_DECAYS, SEAM_DECAY_M, level_seam_colours
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Sun
-from facade_core.geometry.chart_packing import ChartPlacements
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.overhead_view import AerialSampler, resample_aerial_to_chart
 from facade_core.geometry.party_walls import find_enclosed_texels
@@ -24,46 +23,28 @@ from facade_core.street.lighting.sun import apply_sunlight, sunlight_share
 from facade_core.street.materials.example_fill import fill_by_example
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.materials.settings import EXAMPLE_FILL
-from facade_core.street.propagation.texel_buffer import TexelBuffer
-from facade_core.street.translator.translators import pixel_footprint
+from facade_core.street.propagation.continuation import DecidedDifferences
 
 # Margin around a chart that its levelling depends on.
 LEVELLING_MARGIN_M = SEAM_DECAY_M * MAX_SEAM_DECAYS
 # Distance over which a ground picture fades into the material.
 PHOTO_FADE_M = 1.0
-# Texels per batch of detail, which needs many times the memory of the colours.
-DETAIL_BATCH_TEXELS = 1 << 18
 
 
 class KnownTexture(NamedTuple):
-    """Reader of the texture from facades and streets, and the charts that have it.
+    """Reader of the texture of the base layer, and the charts that have it.
 
     Attributes
     ----------
     read : reads part of any chart; provenance UNSEEN where nothing is known.
     base_charts : charts with a base layer from facades or textures.
-    street_charts : charts that streets wrote.
     photo_charts : walls and roofs of `base_charts` that show camera pictures; at least the asked chart and its
         neighbours.
     """
 
     read: ChartReader
     base_charts: Collection[int]
-    street_charts: Collection[int]
     photo_charts: Collection[int] = ()
-
-
-class TranslatedViews(NamedTuple):
-    """Positions and width of the translated panoramas.
-
-    Attributes
-    ----------
-    positions : (v, 3) centres of the panoramas, metres.
-    width : width of the panoramas, pixels.
-    """
-
-    positions: Float64Array
-    width: int
 
 
 @dataclass(frozen=True)
@@ -72,19 +53,15 @@ class FinishSettings:
 
     Attributes
     ----------
-    is_neural : the network translated the streets, so that their colours differ from the materials.
-    views : views whose pixels are coarser than texels; finer detail is added from the material.
     levelling : level generated texels to seen ones of the same surface, and both to pictures. Pictures of ground fade
         instead.
     aerial : picture from above.
-    repaint : streets painted the chart with other materials; replaces theirs.
+    differences : what the views of streets decided that ground differs by from its material.
     """
 
-    is_neural: bool = False
-    views: TranslatedViews | None = None
     levelling: bool = True
     aerial: AerialSampler | None = None
-    repaint: bool = False
+    differences: DecidedDifferences | None = None
 
 
 @dataclass(frozen=True)
@@ -121,20 +98,6 @@ class _Surroundings(NamedTuple):
     decay_m: float = SEAM_DECAY_M
 
 
-def paint_visible_texels(buffer: TexelBuffer, placement: ChartPlacements, materials: MaterialField) -> None:
-    """Paint the material of every untextured texel that a view saw, in place.
-
-    For translators that return a material field (street paper, 3 Texture propagation).
-    """
-    for chart in buffer.writable.tolist():
-        texels = buffer.layout.texel_slice(placement, chart)
-        bare = np.flatnonzero((buffer.state.views[texels] > 0) & (buffer.provenance[texels] == Provenance.UNSEEN))
-        if len(bare):
-            rows, columns = np.divmod(bare, int(placement.width[chart]))
-            buffer.colour[texels][bare] = materials.texel_colours(chart, rows, columns)
-            buffer.provenance[texels][bare] = Provenance.TRANSLATED
-
-
 def finish_chart(
     scene: Scene,
     materials: MaterialField,
@@ -145,7 +108,7 @@ def finish_chart(
 ) -> tuple[UInt8Array, UInt8Array]:
     """Compute the final colour and provenance of a chart.
 
-    Untextured texels get their material; untextured ground under the open sky gets the aerial picture. Hidden parts of
+    Untextured texels get their material, with the differences that views decided; untextured ground under the open sky gets the aerial picture. Hidden parts of
     a wall get one colour, which compresses to nothing. Walls and ground darken near their contact line. With a sun the
     chart gets its light and shadows. Labels add the shadows of a facade's relief, except on pictures of that facade.
 
@@ -154,7 +117,7 @@ def finish_chart(
     scene : the block's geometry and atlas layout.
     materials : material field of the block.
     chart : row of the chart.
-    known : texture from facades and streets.
+    known : texture of the base layer.
     settings : settings by which the chart is finished.
     sunlight : None for soft daylight only.
 
@@ -181,7 +144,7 @@ def _finish_unlit(
     scene: Scene, materials: MaterialField, chart: int, known: KnownTexture, settings: FinishSettings
 ) -> tuple[UInt8Array, UInt8Array]:
     """Compute `finish_chart` without contact shading and sunlight."""
-    is_neural, views, aerial = settings.is_neural, settings.views, settings.aerial
+    aerial, differences = settings.aerial, settings.differences
     height, width = int(scene.placement.height[chart]), int(scene.placement.width[chart])
     colour, provenance = (values.copy() for values in known.read(chart, slice(0, height), slice(0, width)))
     untextured = provenance == Provenance.UNSEEN
@@ -189,30 +152,20 @@ def _finish_unlit(
     if untextured.any():
         hidden = untextured & find_enclosed_texels(scene, chart)
         exposed = untextured & ~hidden
-        painted = (
-            materials.chart_raster(chart) if exposed.all() else materials.texel_colours(chart, *np.nonzero(exposed))
-        )
-        colour[exposed] = painted.reshape(-1, 3)
+        colour[exposed] = _paint_texels(materials, chart, differences, *np.nonzero(exposed))
         colour[hidden] = _distant_colour(scene, materials, chart)
         provenance[untextured] = Provenance.MATERIAL
+        if differences is not None:
+            provenance[exposed & (differences.views > 0)] = Provenance.TRANSLATED
         if aerial is not None and scene.charts.kind[chart] == ChartKind.GROUND:
             rgb, has_aerial = resample_aerial_to_chart(scene, chart, aerial)
             has_aerial &= untextured
             colour[has_aerial], provenance[has_aerial] = rgb[has_aerial], Provenance.PHOTO
-    if settings.repaint and not is_neural:
-        rows, columns = np.nonzero(provenance == Provenance.TRANSLATED)
-        colour[rows, columns] = materials.texel_colours(chart, rows, columns)
-    if views is not None:
-        translated = np.flatnonzero(provenance == Provenance.TRANSLATED)
-        for batch in np.array_split(translated, -(-len(translated) // DETAIL_BATCH_TEXELS) or 1):
-            rows, columns = np.divmod(batch, width)
-            grain = materials.fine_detail(chart, rows, columns, _smallest_footprint(scene, chart, rows, columns, views))
-            colour[rows, columns] = np.clip(colour[rows, columns] + grain, 0, 255)
     if not settings.levelling:
         return colour, provenance
-    free = untextured & (provenance == Provenance.PHOTO) if not is_neural else untextured
+    free = untextured & (provenance == Provenance.PHOTO)
     if free.any():
-        textured = _Surroundings(known.read, {*known.base_charts, *known.street_charts}, Provenance.UNSEEN)
+        textured = _Surroundings(known.read, known.base_charts, Provenance.UNSEEN)
         colour = _level_to_surroundings(scene, chart, colour, ~untextured, free, textured)
     generated = untextured | (provenance <= Provenance.TRANSLATED)
     if scene.charts.kind[chart] != ChartKind.GROUND:
@@ -242,9 +195,17 @@ def _finish_unlit(
         has_photo |= filled
     share = photo_fade_weight(scene, chart, end)
     mixed = (share < 1) & has_photo
-    weight, painted = share[mixed][:, None], materials.texel_colours(chart, *np.nonzero(mixed))
+    weight, painted = share[mixed][:, None], _paint_texels(materials, chart, differences, *np.nonzero(mixed))
     colour[mixed] = (weight * colour[mixed] + (1 - weight) * painted + 0.5).astype(np.uint8)
     return colour, provenance
+
+
+def _paint_texels(
+    materials: MaterialField, chart: int, differences: DecidedDifferences | None, rows: Int64Array, columns: Int64Array
+) -> UInt8Array:
+    """Return the material (k, 3) of texels, with the differences that views decided."""
+    painted = materials.texel_colours(chart, rows, columns)
+    return painted if differences is None else differences.apply(painted, rows, columns)
 
 
 def _extend_photos(
@@ -313,18 +274,6 @@ def _distant_colour(scene: Scene, materials: MaterialField, chart: int) -> UInt8
     middle = scene.charts.points(chart, np.array([width / 2]), np.array([height / 2]))
     colour: UInt8Array = materials.colour(np.array([chart]), middle, np.array([max(width, height)]))[0]
     return colour
-
-
-def _smallest_footprint(
-    scene: Scene, chart: int, rows: Int64Array, columns: Int64Array, views: TranslatedViews
-) -> Float64Array:
-    """Return the smallest footprint (k,) of the views' pixels on texels of a chart, metres."""
-    step = 1 / scene.placement.texels_per_metre[chart]
-    points = scene.charts.points(chart, step * (columns + 0.5), step * (rows + 0.5))
-    normal, finest = scene.charts.normals()[chart], np.full(len(points), np.inf)
-    for position in views.positions:
-        finest = np.minimum(finest, pixel_footprint(points - position, normal, views.width))
-    return finest
 
 
 def _level_to_surroundings(

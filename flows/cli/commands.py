@@ -119,7 +119,6 @@ class RunOptions:
     dask: str | None
     as_json: bool
     redo: str | None = None
-    only: bool = False
     keep: int | None = None
 
 
@@ -140,10 +139,7 @@ def _compute_options(command: F) -> F:
 @click.option(
     "--out", type=OUT, help="Folder or s3://bucket/prefix of the results.  [default: out/NAME of the block file]"
 )
-@click.option(
-    "--redo", metavar="STREET", help="Repeat a street, by id or name, and the later streets that read its texels."
-)
-@click.option("--only", is_flag=True, help="With --redo: repeat only this street; mark the later ones stale.")
+@click.option("--redo", metavar="STREET", help="Repeat a street, by id or name.")
 @click.option(
     "--keep", type=click.IntRange(1), metavar="N", help="Prune after the run: keep the N newest published snapshots."
 )
@@ -152,7 +148,6 @@ def run(
     block_file: Path,
     out: Folder | None,
     redo: str | None,
-    only: bool,
     keep: int | None,
     workers: int,
     dask: str | None,
@@ -163,12 +158,10 @@ def run(
     \b
     Examples:
       streetloom run block.yaml --out out/mine --workers 2
-      streetloom run block.yaml --out out/mine --redo Kasarmikatu --only
+      streetloom run block.yaml --out out/mine --redo Kasarmikatu
       streetloom run block.yaml --out s3://bucket/mine
     """
-    if only and redo is None:
-        raise click.UsageError("--only needs --redo STREET")
-    options = RunOptions(workers, dask, as_json, redo, only, keep)
+    options = RunOptions(workers, dask, as_json, redo, keep)
     _run_block(block_file, out or Path("out") / block_file.stem, options)
 
 
@@ -211,7 +204,7 @@ def _run_block(block_file: Path, out: Folder, options: RunOptions) -> None:
 
     start = time.monotonic()
     street = options.redo
-    again = None if street is None else partial(_redo_street, street=street, only=options.only)
+    again = None if street is None else partial(_redo_street, street=street)
     with ExitStack() as held:
         with report_steps(announce=False) as notify:
             notify(f"reading {block_file}")
@@ -230,8 +223,7 @@ def _run_block(block_file: Path, out: Folder, options: RunOptions) -> None:
 
                 require_scheduler(options.dask)
             with show_progress():
-                only = street if options.only else None
-                summary = _texture_recorded(entry.source, out, options.workers, options.dask, only)
+                summary = _texture_recorded(entry.source, out, options.workers, options.dask)
         if options.keep is not None:
             from tasks.publish.prune import prune_snapshots_or_explain
 
@@ -248,7 +240,7 @@ def _run_block(block_file: Path, out: Folder, options: RunOptions) -> None:
         sys.exit(1)
 
 
-def _texture_recorded(block_file: Path, out: Folder, workers: int, dask: str | None, only: str | None) -> JsonObject:
+def _texture_recorded(block_file: Path, out: Folder, workers: int, dask: str | None) -> JsonObject:
     """Run the block with a record in Prefect's server; continue without the server where it fails."""
     from catalogs.published.folders import local_run_folder
     from facade_core.core.errors import FacadeError, TooManyFailuresError
@@ -263,7 +255,7 @@ def _texture_recorded(block_file: Path, out: Folder, workers: int, dask: str | N
 
         try:
             record.wait_until_ready()
-            return cast("JsonObject", city_block(block_file, str(out), workers=workers, dask=dask, only=only))
+            return cast("JsonObject", city_block(block_file, str(out), workers=workers, dask=dask))
         except TooManyFailuresError:
             pass  # reported in the summary
         except FacadeError:
@@ -277,17 +269,14 @@ def _texture_recorded(block_file: Path, out: Folder, workers: int, dask: str | N
                 f"the Prefect server was lost ({record.describe_failure()}); the run continues without it, and its record "
                 "there is incomplete"
             )
-        return texture_block(block_file, out, workers=workers, dask=dask, only=only)
+        return texture_block(block_file, out, workers=workers, dask=dask)
 
 
-def _redo_street(run: Run, street: str, only: bool) -> None:
-    """Mark a street and its dependants pending and print them."""
+def _redo_street(run: Run, street: str) -> None:
+    """Mark a street pending and print it."""
     from tasks.stages.streets.redo import schedule_street_redo
 
-    streets, dependants = schedule_street_redo(run, street, only=only)
-    others = f"{', '.join(dependants) or 'no other street'} {'reads' if len(dependants) < 2 else 'read'} its texels"
-    fate = ", marked stale until the next run" if only and dependants else ""
-    print_notice(f"doing street {', '.join(streets)} again; {others}{fate}")
+    print_notice(f"doing street {', '.join(schedule_street_redo(run, street))} again")
 
 
 for command in (

@@ -66,21 +66,15 @@ def examine_folder(out: Folder) -> Iterator[Finding]:
         yield Finding("store", False, f"the newest snapshot cannot be read ({line}); {again} goes back to one that can")
         yield from _check_published(out, None, again)
         return
-    yield _check_units(attrs, records, group, again)
+    yield _check_units(attrs, records, again)
     yield from _list_input_notes(attrs)
     yield from _check_store(out, repository, session, group, again)
     yield from _check_published(out, session.snapshot_id, again)
     yield _check_stale(out, source, session, group)
 
 
-def _check_units(
-    attrs: Mapping[str, object], records: dict[str, list[Record | None]], group: StoreGroup, again: str
-) -> Finding:
-    # a street without visible walls has no work and no record
-    seen = set(group["viewpoints/street"][:].tolist())
-    streets = [record for index, record in enumerate(records["streets"]) if record or index in seen]
-    journals = records | {"streets": streets}
-    states = Counter(r["status"] if r else "waiting" for journal in journals.values() for r in journal)
+def _check_units(attrs: Mapping[str, object], records: dict[str, list[Record | None]], again: str) -> Finding:
+    states = Counter(r["status"] if r else "waiting" for journal in records.values() for r in journal)
     counts = ", ".join(f"{states[state]} {state}" for state in ("done", "failed", "stale", "waiting") if states[state])
     left = sum(states.values()) - states["done"]
     return Finding("units", not left, f"block {attrs.get('block')}: {counts}{f'; {again} continues' if left else ''}")
@@ -105,14 +99,11 @@ def _check_store(
     store = out / "store"
     remedy = f"{again} repairs this"
     lost_units = find_lost_units(session)
-    streets = lost_units.pop("streets", ())  # their own data are intact: they restarted, or lost a viewpoint
-    if streets:
-        yield Finding("store", False, f"streets whose viewpoints are not done: {len(streets)}; {again} repeats them")
     if lost_units:
         summary = ", ".join(f"{len(units)} {stage}" for stage, units in lost_units.items())
         yield Finding("store", False, f"records without their data: {summary}; {remedy}")
     if tags := find_broken_tags(repository, store):
-        yield Finding("store", False, f"{len(tags)} tags of streets cannot be read; {again} removes them")
+        yield Finding("store", False, f"{len(tags)} tags cannot be read; {again} removes them")
     if lost := find_unreadable_chunks(session):
         if has_all_files(repository, store):
             mark_store_suspect(out)

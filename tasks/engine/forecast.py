@@ -15,7 +15,7 @@ from tasks.engine.context import load_run_plan
 from tasks.engine.outline import PlanSummary
 from tasks.engine.pending_reasons import pending_reasons
 from tasks.engine.run import Run
-from tasks.engine.stage import ForecastInputs, Stage, all_stages
+from tasks.engine.stage import ForecastInputs, all_stages
 from tasks.engine.store.commits import open_newest_root
 from tasks.engine.unit import Unit
 
@@ -52,7 +52,9 @@ def forecast_work(run: Run, block: Block, outline: PlanSummary) -> WorkForecast:
     totals: dict[str, int] = {}
     notes: list[str] = []
     rewritten: list[int] = []
-    for stage in _forecast_order():
+    for stage in all_stages():
+        if stage.forecast is None:
+            continue
         units[stage.stage] = stage.list_units(run, block, plan, group)
         own = pending_reasons(read_journal(group, stage.stage), units[stage.stage])
         inputs = ForecastInputs(run, block, plan, group, outline, units, pending, rewritten)
@@ -85,20 +87,9 @@ def describe_rejected_inputs(set_aside: Iterable[Sequence[str]]) -> list[str]:
     return lines
 
 
-def _forecast_order() -> list[Stage]:
-    """Return the stages that need a forecast: each part of another stage follows that stage."""
-    stages = [stage for stage in all_stages() if stage.forecast is not None]
-    whole = [stage for stage in stages if stage.part_of is None]
-    return [one for stage in whole for one in (stage, *(part for part in stages if part.part_of == stage.stage))]
-
-
 def _has_earlier_run(group: StoreGroup) -> bool:
-    """Return whether a stage that is not fanned out was reached: less is resumed, not done again."""
-    return any(
-        any(read_journal(group, stage.stage))
-        for stage in all_stages()
-        if stage.inputs is None and stage.part_of is None
-    )
+    """Return whether streets were reached: less is resumed, not done again."""
+    return any(read_journal(group, "streets"))
 
 
 def _line(total: int, noun: str, pending: Mapping[int, str]) -> str | None:

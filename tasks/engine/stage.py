@@ -6,9 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from importlib import import_module
-from typing import Any, ClassVar, NamedTuple
-
-import icechunk
+from typing import Any, NamedTuple
 
 from catalogs.block import Block
 from facade_core.atlas.arrays import BASE_ARRAYS, STAGE_ARRAYS
@@ -92,22 +90,6 @@ class ForecastInputs:
     rewritten: Sequence[int]
 
 
-@dataclass(frozen=True)
-class IntegrityInputs:
-    """Inputs of a stage's search for units whose data are missing from a snapshot.
-
-    Attributes
-    ----------
-    records : the journals, by stage.
-    lost : units found so far, by earlier stage.
-    """
-
-    session: icechunk.Session
-    group: StoreGroup
-    records: Mapping[str, Records]
-    lost: Mapping[str, Sequence[int]]
-
-
 def forecast_pending(_inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast | None:
     """Forecast the units that are pending by their keys: no other follows from earlier stages."""
     return StageForecast(own)
@@ -122,9 +104,8 @@ class Stage:
     stage : its name in journals, keys, logs and tables.
     noun : one of its units in words.
     outline : names of all units of a block with this plan, and the charts that each writes.
-    inputs : lists all units with their inputs, by the records of earlier stages in the group; None for a stage that is not
-        fanned out.
-    compute : computes the result of a unit from its inputs; None likewise.
+    inputs : lists all units with their inputs, by the records of earlier stages in the group.
+    compute : computes the result of a unit from its inputs.
     write : writes the result of a unit to its own chunks; returns the fields of its record.
     process : processes units whose results depend on each other, in place of `compute` and `write`.
     forecast : pending units after those of earlier stages, given the units pending by key; returns None where unknown.
@@ -134,13 +115,11 @@ class Stage:
     stage: str
     noun: str
     outline: Callable[[Block, Plan], Sequence[UnitOutline]]
-    inputs: Callable[[Run, Block, Plan, StoreGroup], list[Unit[Any]]] | None = None
+    inputs: Callable[[Run, Block, Plan, StoreGroup], list[Unit[Any]]]
     compute: Compute[Any] | None = None
     write: Write[Any] | None = None
     process: UnitFunction | None = None
     forecast: Callable[[ForecastInputs, Mapping[int, str]], StageForecast | None] | None = forecast_pending
-    # of a stage that is part of another
-    part_of: ClassVar[str | None] = None
 
     @property
     def function(self) -> UnitFunction:
@@ -148,13 +127,11 @@ class Stage:
         if self.process is not None:
             return self.process
         if self.compute is None or self.write is None:
-            raise TypeError(f"{self.stage} are not fanned out")
+            raise TypeError(f"{self.stage} have neither `process` nor `compute` and `write`")
         return partial(process_units, self.compute, self.write)
 
     def list_units(self, run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit[Any]]:
-        """List all units, with the digests of their inputs and of the code; none of a stage that is not fanned out."""
-        if self.inputs is None:
-            return []
+        """List all units, with the digests of their inputs and of the code."""
         code = stage_code_digest(self.stage)
         units = self.inputs(run, block, plan, group)
         return [replace(unit, digests={CODE: code, **digest_inputs(unit.inputs)}) for unit in units]
@@ -170,39 +147,9 @@ class Stage:
         return STAGE_ARRAYS.get(self.stage) is BASE_ARRAYS
 
 
-@dataclass(frozen=True, kw_only=True)
-class OrderedStage(Stage):
-    """A stage whose units are done in the order of streets, and are not fanned out.
-
-    Attributes
-    ----------
-    part_of : the stage whose code processes these units, and with whose units they are counted.
-    array_folder : folder of the store with arrays whose first index is the unit.
-    match : units that the last ingest had too, new -> old.
-    relocate : takes the records of matched units at their new places and returns them as they read there; moves other data
-        that the store holds by unit. The arrays have their new size by then.
-    find_lost : units that are done by their record and whose data are missing. No raster is read.
-    confirm_lost : lost units, without those pending anyway.
-    find_differing : units, by stage, whose arrays differ from the digests of their records; of a sample of this size.
-    """
-
-    part_of: str | None = None  # type: ignore[misc]
-    array_folder: str | None = None
-    match: Callable[[ReingestContext], dict[int, int]]
-    relocate: Callable[[ReingestContext, Mapping[int, int], Records], Records]
-    find_lost: Callable[[IntegrityInputs], list[int]]
-    confirm_lost: Callable[[Run, Plan, StoreGroup, Sequence[int]], list[int]] | None = None
-    find_differing: Callable[[StoreGroup, Plan, int | None], Mapping[str, Sequence[int]]] | None = None
-
-
 def stored_files(record: Record | None) -> Mapping[str, str]:
     """Return the stored files of a unit, path -> digest; none if it is not done."""
     return record.get("files", {}) if record and record["status"] == "done" else {}
-
-
-def ordered_stages() -> list[OrderedStage]:
-    """Return the stages whose units are done in the order of streets."""
-    return [stage for stage in all_stages() if isinstance(stage, OrderedStage)]
 
 
 @cache

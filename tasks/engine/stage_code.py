@@ -20,8 +20,6 @@ VERSION = "0.1.0"
 ROOT = Path(__file__).resolve().parent.parent.parent
 CODE_PACKAGES = ("facade_core", "catalogs", "tasks")
 
-# The translator that only runs with `translator: neural` take.
-NEURAL_TRANSLATOR = "facade_core.street.translator.neural_translator"
 # What finds models in packages that may be installed or not: both the presence and the content of these count.
 DETECTION_MODELS = "facade_core.imagery.detect.models"
 # What decides when and where units run, keeps what they made, or says what went wrong. A run's settings are in the keys.
@@ -75,21 +73,15 @@ DISTRIBUTION_NAMES = {
 
 
 @cache
-def stage_code_digest(stage: str, *, neural: bool = True, root: Path = ROOT) -> str:
+def stage_code_digest(stage: str, *, root: Path = ROOT) -> str:
     """Compute the digest of the code of a stage.
 
     Parameters
     ----------
     stage : name of the stage.
-    neural : whether it takes the network that translates panoramas.
     root : folder of the packages.
     """
-    found = collect_modules(
-        [worker_module(stage, root)],
-        EXCLUDED_MODULES if neural else EXCLUDED_MODULES | {NEURAL_TRANSLATOR},
-        root,
-        CODE_PACKAGES,
-    )
+    found = collect_modules([worker_module(stage, root)], EXCLUDED_MODULES, root, CODE_PACKAGES)
     digest = blake2b(digest_size=8)
     for name in sorted(found):
         digest.update(f"{name} {found[name].digest}\n".encode())

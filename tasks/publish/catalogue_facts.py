@@ -15,7 +15,6 @@ import shapely
 
 from catalogs.stac.facts import BlockFacts, DataSourceFacts, ModelFacts, RunFacts, StreetFacts
 from facade_core.atlas.journal import Record
-from facade_core.core.grouping import RowsByValue
 from facade_core.export.bodies.footprints import building_footprints
 from facade_core.export.models.textured_mesh import build_textured_mesh
 from facade_core.facade.layout.model import SHIPPED_LAYOUT_MODEL as LAYOUTS
@@ -24,9 +23,9 @@ from facade_core.parsing.network import SHIPPED_NETWORK as NETWORK
 from facade_core.plan.plan import Plan
 from facade_core.street.translator.neural_translator import SHIPPED_TRANSLATOR as TRANSLATOR
 from tasks.engine.run import Run
+from tasks.engine.stage import stored_files
 from tasks.publish.item_rows import ItemRows, record_finish_time
 from tasks.publish.stored_block import StoredBlock
-from tasks.stages.streets.record import StreetRecord
 
 Records = Sequence[Record | None]
 # Tolerance of footprint outlines in the catalogue, metres.
@@ -132,7 +131,6 @@ def block_facts(
             "texture.visibility_range": plan.scene.visibility_range,
             "texture.panorama_width": run.texture.panorama_width,
             "texture.walls": run.texture.walls,
-            "texture.translator": run.texture.translator,
             "storey": run.storey,
             "seed": run.seed,
             "geoid_separation": group.attrs.get("geoid_separation"),
@@ -142,23 +140,18 @@ def block_facts(
     )
 
 
-def street_facts(plan: Plan, streets: Sequence[StreetRecord | None], viewpoints: Records) -> list[StreetFacts]:
+def street_facts(plan: Plan, streets: Records) -> list[StreetFacts]:
     """Collect the catalogue facts of all streets of a block.
 
     Parameters
     ----------
     plan : plan of the block.
     streets : journal records by street.
-    viewpoints : journal records by viewpoint.
     """
-    viewpoints_of = RowsByValue(np.array([viewpoint.street for viewpoint in plan.viewpoints], np.int64))
-    writable = plan.street_texel_counts()[:, 1].tolist()
     found = []
     for index, (street, record) in enumerate(zip(plan.streets, streets, strict=True)):
-        on_street = viewpoints_of.rows_with(index).tolist()
-        done = [seen for viewpoint in on_street if (seen := viewpoints[viewpoint]) and seen["status"] == "done"]
-        state = record["status"] if record else "waiting" if on_street else "unseen"
-        texels = record.get("texels") if record else None
+        viewpoints = len(plan.street_viewpoints(index))
+        state = "unseen" if not viewpoints else record["status"] if record else "waiting"
         found.append(
             StreetFacts(
                 id=street.id,
@@ -167,13 +160,10 @@ def street_facts(plan: Plan, streets: Sequence[StreetRecord | None], viewpoints:
                 state=state,
                 reason=(record.get("reason") if record else None)
                 or ("no wall is seen from it" if state == "unseen" else None),
-                viewpoints=len(on_street),
-                viewpoints_done=len(done),
-                wave=int(plan.wave[index]),
-                texels=texels,
-                coverage=round(texels / writable[index], 4) if texels is not None and writable[index] else None,
+                viewpoints=viewpoints,
+                viewpoints_done=len(stored_files(record)),
                 key=record.get("key") if record else None,
-                seconds=round(sum(map(_work_seconds, [record, *done])), 2) if record else None,
+                seconds=round(_work_seconds(record), 2) if record else None,
                 updated=record_finish_time(record),
             )
         )
@@ -203,8 +193,8 @@ def run_facts(journals: Mapping[str, Records], ingested: datetime) -> RunFacts:
     )
 
 
-def models_used(run: Run, facades: Records, viewpoints: Records) -> list[ModelFacts]:
-    """List the learned models that the facades and streets of a block were made with.
+def models_used(run: Run, facades: Records) -> list[ModelFacts]:
+    """List the learned models that the facades of a block were made with.
 
     A model of the block replaces the shipped one. Empty where no unit used a model.
     """
@@ -219,9 +209,6 @@ def models_used(run: Run, facades: Records, viewpoints: Records) -> list[ModelFa
             used.append(_custom_model(own.layout, layouts))
             if own.layout_network is not None:
                 used.append(_custom_model(own.layout_network, network))
-    if run.texture.translator == "neural" and any(record and record["status"] == "done" for record in viewpoints):
-        own_network = run.models.translator
-        used.append(STREET_MODEL if own_network is None else _custom_model(own_network, STREET_MODEL))
     found = []
     for model in used:
         data = model.path.read_bytes()

@@ -12,13 +12,12 @@ from tasks.stages.order import EXEMPLARS, PICTURES, STAGES_IN_ORDER, STREETS
 def failure_limit_reason(run: Run, group: StoreGroup) -> str | None:
     """Return why a store has too many failed units to become current; None if it has not.
 
-    A street counts once, without its viewpoints: if one fails, most of these are undone, not failed. Stages that finish
-    the output of others count separately: failed facades would not show among their many surfaces. Pictures do not
-    count: a failed one only removes an illustration from the report. Nor do exemplars: walls take those that are left, and
-    fail where none is.
+    Stages that finish the output of others count separately: failed facades would not show among their many surfaces.
+    Pictures do not count: a failed one only removes an illustration from the report. Nor do exemplars: walls take those
+    that are left, and fail where none is.
     """
     last = STAGES_IN_ORDER.index(STREETS) + 1
-    texturing = tuple(kind for kind in STAGES_IN_ORDER[:last] if kind.part_of is None and kind is not EXEMPLARS)
+    texturing = tuple(kind for kind in STAGES_IN_ORDER[:last] if kind is not EXEMPLARS)
     for kinds in (texturing, *((kind,) for kind in STAGES_IN_ORDER[last:] if kind is not PICTURES)):
         failed, total = _count_failed(group, kinds)
         limit = run.settings.failed_limit

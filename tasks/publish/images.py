@@ -1,4 +1,4 @@
-"""Images of the report: views of the block, pictures of facades and exemplars, and panoramas."""
+"""Images of the report: views of the block, and pictures of facades and exemplars."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from facade_core.atlas.stored_files import picture_path, read_stored_file
 from facade_core.core.resizing import resize_image
 from facade_core.export.pictures.rendering import encode_image
 from facade_core.export.pictures.settings import DRAWING_SETTINGS
-from facade_core.export.pictures.views import pick_evenly_spaced, select_pictured_facades
+from facade_core.export.pictures.views import select_pictured_facades
 from tasks.engine.stage_code import stage_code_digest
 from tasks.publish.partial_failures import PartialFailures
 from tasks.publish.stored_block import StoredBlock
@@ -38,7 +38,6 @@ class ReportImages:
     Attributes
     ----------
     views : names of views along streets.
-    panoramas : titled files of panoramas.
     sheets : titled files by facade id.
     textures_only : ids of facades with a picture of their texture only.
     exemplars : titled files by exemplar name.
@@ -46,7 +45,6 @@ class ReportImages:
     """
 
     views: tuple[str, ...]
-    panoramas: tuple[TitledFile, ...]
     sheets: Mapping[str, tuple[TitledFile, ...]]
     textures_only: frozenset[str]
     exemplars: Mapping[str, tuple[TitledFile, ...]]
@@ -83,7 +81,6 @@ def write_report_images(
             sheets[record["unit"]] = tuple(_add_facade_pictures(folder, block, record, files))
     return ReportImages(
         tuple(name for name in views if name != "above.jpg"),
-        tuple(_add_panoramas(folder, block, files, failures)),
         sheets,
         frozenset(r["unit"] for r in _done_records(journal[first:]) if len(r["pictures"]) == 1),
         _add_exemplar_pictures(folder, block, files, failures),
@@ -162,24 +159,3 @@ def _encode_exemplar(block: StoredBlock, path: str) -> bytes:
     scale = min(1.0, DRAWING_SETTINGS.max_preview_px / max(image.shape[:2]))
     height, width = (max(1, round(side * scale)) for side in image.shape[:2])
     return encode_image(resize_image(image, (height, width)), "WEBP", quality=82, method=2)
-
-
-def _add_panoramas(
-    folder: str, block: StoredBlock, files: SnapshotFileWriter, failures: PartialFailures
-) -> Iterator[TitledFile]:
-    """Add JPEGs of evenly sampled viewpoints, titled by street and position along it."""
-    streets = [viewpoint.street for viewpoint in block.plan.viewpoints]
-    done = [(i, r) for i, r in enumerate(block.journals["viewpoints"]) if r and "panorama" in r]
-    for number, record in pick_evenly_spaced(done, MAX_REPORT_PANORAMAS):
-        on_street = [i for i, street in enumerate(streets) if street == streets[number]]
-        street = block.plan.streets[streets[number]]
-        title = f"{street.name or street.id}, viewpoint {on_street.index(number) + 1} of {len(on_street)}"
-        name = f"panorama-{number}.jpg"
-        with failures.attempt(f"panorama {record['unit']}"):
-            source_key = unit_key(stage_code_digest("publish"), record["panorama"])
-            files.add_file(f"{folder}/{name}", source_key, partial(_encode_panorama, block, number))
-            yield name, title
-
-
-def _encode_panorama(block: StoredBlock, viewpoint: int) -> bytes:
-    return encode_image(block.group["panoramas/rgb"][viewpoint], "JPEG", quality=88)

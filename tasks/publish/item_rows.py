@@ -74,7 +74,7 @@ def write_summary(path: Path, block: StoredBlock, rows: ItemRows) -> JsonObject:
         "block": block.group.attrs["block"],
         "facades_done": rows.finished_facade_count,
         "facades_failed": rows.unfinished_facade_count,
-        "viewpoints": len(block.journals["viewpoints"]),
+        "viewpoints": len(block.plan.viewpoints),
         "atlas_digest": atlas_digest(block.group),
         "not_looked_at": _count_unchecked(block),
     }

@@ -1,4 +1,4 @@
-"""Removal of old snapshots: their published folders, tags and unshared chunks, and files of killed processes."""
+"""Removal of old snapshots: their published folders and unshared chunks, and files of killed processes."""
 
 from __future__ import annotations
 
@@ -8,16 +8,15 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from catalogs.published import object_store
-from catalogs.published.file_list import FILE_LIST_NAME, read_predecessor, read_street_icechunk_tags, update_file_list
+from catalogs.published.file_list import FILE_LIST_NAME, read_predecessor, update_file_list
 from catalogs.published.folders import Folder, remove_path
 from catalogs.published.runs import publish_hint
 from catalogs.published.s3 import S3Path
 from catalogs.published.snapshot import SnapshotFolder, find_current_snapshot
 from catalogs.stac.versions import remove_dead_version_links
 from facade_core.atlas.integrity import has_all_files
-from facade_core.atlas.store import BRANCH, expire_snapshots, open_repository, open_root
+from facade_core.atlas.store import expire_snapshots, open_repository
 from facade_core.core.errors import FacadeError, InputError
-from tasks.stages.streets.tags import list_street_commit_tags
 
 # Files that a killed process leaves in the folder of a run. The lock of the run, which the caller holds, excludes live ones.
 LEFTOVER_PATTERNS = (
@@ -72,16 +71,9 @@ def prune_snapshots(out: Folder, keep: int, read_for: timedelta = READER_GRACE) 
             gone += 1
     for name, paths in remove_dead_version_links(published).items():
         update_file_list(published / name, paths)
-    used = {tag for name in _newest_first(published, current.id) for tag in read_street_icechunk_tags(published / name)}
-    used |= list_street_commit_tags(open_root(repository.readonly_session(BRANCH)))
-    tags = sorted(set(repository.list_tags()) - used)
-    for tag in tags:
-        repository.delete_tag(tag)
     expire_snapshots(repository, read_for if isinstance(out, S3Path) else timedelta())
     freed = (size - _folder_bytes(out)) / (1 << 20)
-    lines.append(
-        f"{out}: removed {gone} published snapshots, {len(tags)} tags and {len(leftovers)} leftovers, {max(freed, 0):.1f} MB"
-    )
+    lines.append(f"{out}: removed {gone} published snapshots and {len(leftovers)} leftovers, {max(freed, 0):.1f} MB")
     if readers:
         lines.append(
             f"{out}: kept {', '.join(readers)}, which somebody {'may read' if isinstance(out, S3Path) else 'reads'}"

@@ -58,7 +58,6 @@ def write_block_report(
             set_aside=rows.set_aside,
             records={record["unit"]: record for record in block.records if record},
             streets=journals["streets"],
-            viewpoints=journals["viewpoints"],
             poses=[
                 {**_UNSHARED_POSE, **record, "raised_m": pose_height_change(record, stated)}
                 for record, stated in zip(block.refined_poses, block.plan.poses, strict=True)
@@ -66,7 +65,6 @@ def write_block_report(
             ],
             heights=Counter(block.buildings["height_source"]),
             views=images.views,
-            panoramas=images.panoramas,
             sheets=images.sheets,
             textures_only=images.textures_only,
             exemplars=[

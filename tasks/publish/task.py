@@ -47,7 +47,6 @@ from tasks.publish.prune import READER_GRACE
 from tasks.publish.report import write_block_report
 from tasks.publish.stored_block import read_stored_block
 from tasks.publish.tiles import WrittenTile, write_block_model, write_overview_model, write_tiles
-from tasks.stages.streets.tags import list_street_commit_tags
 
 log = logging.getLogger(__name__)
 
@@ -178,7 +177,7 @@ def _write_snapshot(
         write_overview_model(snapshot, block, tiles, files, failures, attribution)
     report_progress("publish", 1)
     snapshot.report.mkdir(exist_ok=True)
-    images = ReportImages((), (), {}, frozenset(), {}, {})
+    images = ReportImages((), {}, frozenset(), {}, {})
     with failures.attempt("pictures"):
         images = write_report_images(snapshot, block, files, failures)
     report_progress("publish", 1)
@@ -192,19 +191,17 @@ def _write_snapshot(
             rows=rows.every,
             facts=SnapshotFacts(
                 block=block_facts(run, block, session.snapshot_id, rows, work.ended, sources),
-                streets=street_facts(block.plan, block.journals["streets"], block.journals["viewpoints"]),
+                streets=street_facts(block.plan, block.journals["streets"]),
                 run=work,
-                models=models_used(run, block.records, block.journals["viewpoints"]),
+                models=models_used(run, block.records),
             ),
             predecessor=predecessor,
             published=published,
         )
     report_progress("publish", 1)
-    tags = list_street_commit_tags(block.group)
     write_file_list(
         snapshot.folder,
         predecessor,
-        tags,
         source_digests=files.source_digests,
         known=files.linked,
         failures=failures.reasons,

@@ -10,7 +10,7 @@ from tasks.stages.grounds.stage import GROUNDS
 from tasks.stages.pages.stage import PAGES
 from tasks.stages.pictures.stage import PICTURES
 from tasks.stages.poses.stage import POSES
-from tasks.stages.streets.stage import STREETS, VIEWPOINTS
+from tasks.stages.streets.stage import STREETS
 from tasks.stages.surfaces.stage import SURFACES
 from tasks.stages.textures.stage import TEXTURES
 from tasks.stages.tiles.stage import TILES
@@ -31,7 +31,6 @@ __all__ = [
     "SURFACES",
     "TEXTURES",
     "TILES",
-    "VIEWPOINTS",
     "WALLS",
 ]
 
@@ -48,8 +47,7 @@ STAGES_IN_ORDER: tuple[Stage, ...] = (
     WALLS,
     # facades: rectified, parsed, completed, inpainted, encoded, or made from an exemplar; written to the base layer
     FACADES,
-    # streets: viewpoint by viewpoint
-    VIEWPOINTS,
+    # streets: what pictures show of the ground is continued viewpoint by viewpoint
     STREETS,
     # texels that nothing has textured yet, and seams between charts
     SURFACES,
@@ -60,4 +58,4 @@ STAGES_IN_ORDER: tuple[Stage, ...] = (
 )
 STAGE_NAMES = tuple(stage.stage for stage in STAGES_IN_ORDER)
 # Stages with code of their own, with those before and after the units.
-CODE_STAGES = ("ingest", *(stage.stage for stage in STAGES_IN_ORDER if stage.part_of is None), "publish")
+CODE_STAGES = ("ingest", *STAGE_NAMES, "publish")

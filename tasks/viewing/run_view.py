@@ -32,6 +32,7 @@ from facade_core.geometry.walls import WALL_ROLES
 from facade_core.plan.facades import Facades
 from facade_core.plan.plan_tables import placement_from_table, read_facades, read_table
 from tasks.engine.outcome import list_units_with_rejections
+from tasks.engine.stage import is_done_record
 from tasks.publish.item_rows import record_finish_time
 from tasks.publish.review import MIN_CHANGE, review_priority
 from tasks.stages.facades.record import FacadeRecord
@@ -256,8 +257,8 @@ class RunView:
             "stale": outdated,
             "done_viewpoints": [
                 number
-                for number, record in enumerate(self.journals["viewpoints"])
-                if record and record["status"] == "done"
+                for number, street in enumerate(self.tables.street.tolist())
+                if is_done_record(self.journals["streets"][street])
             ],
         }
 

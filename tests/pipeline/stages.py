@@ -183,7 +183,7 @@ def charts_of(run: Run) -> dict[str, tuple[np.ndarray, np.ndarray]]:
 def digests_of(out: Path) -> tuple[str, dict[str, str]]:
     """The digest of the atlas and those of its charts, from the journal."""
     group = _group(out)
-    return atlas_digest(group), latest_chart_digests(read_journal(group, "surfaces"), [])
+    return atlas_digest(group), latest_chart_digests(read_journal(group, "surfaces"))
 
 
 def viewpoint_with_panorama(group: Any) -> int:

@@ -7,10 +7,10 @@ from copy import copy
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float64Array, Int16Array, Int64Array, IntArray, UInt8Array
+from facade_core.core.arrays import BoolArray, Float64Array, Int64Array, IntArray, UInt8Array
 from facade_core.core.types import SURFACES, BuildingFinish, MappedGround, Street
 from facade_core.facade.wall_material import WallMaterial
-from facade_core.geometry.charts import ChartKind
+from facade_core.geometry.charts import ChartKind, raster_sizes
 from facade_core.geometry.ground.carriageways import assume_street_ways
 from facade_core.geometry.ground.layer_raster import rasterise_ground_layers
 from facade_core.geometry.ground.shapes import GroundTiles
@@ -137,22 +137,16 @@ class MaterialField:
             seed,
         )
 
-    def with_facade_material(
-        self, charts: Sequence[int], wall: WallMaterial, facade: int
-    ) -> tuple[MaterialField, Int64Array]:
+    def with_facade_material(self, charts: Sequence[int], wall: WallMaterial, facade: int) -> MaterialField:
         """Return a copy in which the plaster walls of a building take a facade's wall material.
 
-        Walls whose material or colour a source states are left out.
+        Walls whose material or colour a source states are left out; the field itself is returned where none is left.
 
         Parameters
         ----------
         charts : charts of the building.
         wall : material that the facade shows.
         facade : chart of the facade.
-
-        Returns
-        -------
-        The field, and the charts (k,) that changed.
         """
         surfaces = self.arrays.charts
         plaster_walls = np.array(charts)
@@ -163,7 +157,7 @@ class MaterialField:
                 [finish_row.wall_colour is None and finish_row.wall_material is None for finish_row in finish]
             ]
         if not len(plaster_walls):
-            return self, plaster_walls
+            return self
         material, example = SurfaceMaterial.PLASTER, int(surfaces.grain[plaster_walls[0]])
         if wall.brick:
             material, example = SurfaceMaterial.BRICK, MATERIAL_GRAINS[SurfaceMaterial.BRICK]
@@ -172,7 +166,7 @@ class MaterialField:
         changed.arrays = self.arrays._replace(
             override=MaterialOverride(np.sort(plaster_walls).astype(np.int64), int(material), int(example), colour)
         )
-        return changed, plaster_walls
+        return changed
 
     def with_pictured_ground(self, shown: Mapping[int, tuple[UInt8Array, BoolArray]]) -> MaterialField:
         """Return a copy in which ground of each surface looks as pictures show it.
@@ -226,26 +220,6 @@ class MaterialField:
             self._paint_texels(chart, rows[batch], columns[batch], out[batch])
         return out
 
-    def fine_detail(self, chart: int, rows: Int64Array, columns: Int64Array, footprint: Float64Array) -> Int16Array:
-        """Compute the difference of texels from their means over larger footprints.
-
-        Added to a picture whose pixels have these footprints, it restores detail below the pixel size.
-
-        Parameters
-        ----------
-        chart : row of the chart.
-        rows, columns : (k,) texels.
-        footprint : (k,) metres.
-
-        Returns
-        -------
-        (k, 3) int16, around 0.
-        """
-        step = self._step[chart]
-        points = self._scene.charts.points(chart, step * (columns + 0.5), step * (rows + 0.5))
-        mean = self.colour(np.full(len(rows), chart), points, np.maximum(footprint, step))
-        return self.texel_colours(chart, rows, columns).astype(np.int16) - mean
-
     def chart_raster(self, chart: int) -> UInt8Array:
         """Compute the material of a whole chart, (h, w, 3) uint8."""
         placement = self._scene.placement
@@ -257,19 +231,22 @@ class MaterialField:
             self._paint_texels(chart, rows, columns, part)
         return out
 
-    def ground_kinds(self, chart: int, margin: int) -> UInt8Array:
+    def ground_kinds(self, chart: int, margin: int, texels_per_metre: float | None = None) -> UInt8Array:
         """Return the kinds of ground on a chart and `margin` texels around it.
+
+        Parameters
+        ----------
+        texels_per_metre : another density than that of the chart.
 
         Returns
         -------
         (h + 2 margin, w + 2 margin) uint8.
         """
-        placement = self._scene.placement
-        size = (int(placement.height[chart]), int(placement.width[chart]))
-        density = float(placement.texels_per_metre[chart])
-        return rasterise_ground_layers(
-            self._scene.charts, chart, self._ground.tile_around(chart), density, size, margin
-        )
+        charts = self._scene.charts
+        density = texels_per_metre or float(self._scene.placement.texels_per_metre[chart])
+        width, height = raster_sizes(charts.size[chart], density).tolist()
+        tile = self._ground.tile_around(chart)
+        return rasterise_ground_layers(charts, chart, tile, density, (height, width), margin)
 
     def _ground_surfaces(self, chart: int) -> UInt8Array:
         """Return the surface of each texel (h, w) of a ground chart by the map, one that none has where roads differ."""

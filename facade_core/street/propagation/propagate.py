@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array, UInt8Array, UInt16Array
+from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array, UInt8Array
 from facade_core.core.errors import GeometryError
 from facade_core.core.fixed_order import multiply_vector
 from facade_core.core.numba_cache import njit
@@ -81,7 +81,7 @@ def propagate_panorama(
     """
     if charts_seen is None:
         charts_seen = scene.cast_panorama(viewpoint, rgb.shape[1])[2]
-    visible = np.intersect1d(charts_seen[charts_seen >= 0], buffer.writable)
+    visible = buffer.writable[np.isin(buffer.writable, charts_seen)]
     if len(visible) == 0:
         return
     if 1000 * scene.visibility_range > np.iinfo(buffer.state.top_distance.dtype).max:
@@ -100,26 +100,6 @@ def propagate_panorama(
         return
     with ThreadPoolExecutor(threads) as pool:
         list(pool.map(blend_part, range(threads)))
-
-
-def mark_first_visible(scene: Scene, buffer: TexelBuffer, viewpoint: Viewpoint, charts_seen: Int32Array) -> None:
-    """Record the viewpoint as the first view of every untextured texel that it sees.
-
-    Used by translators that return a material field: the colour of such a texel does not depend on the viewpoint, so
-    only visibility is stored here and `facade_core.street.surfaces.paint_visible_texels` sets the colour. Visibility
-    follows the rules of `propagate`, without the distance gate.
-
-    Parameters
-    ----------
-    scene : the block's geometry.
-    buffer : texels of the charts that this street writes; changed in place.
-    viewpoint : position and direction of the panorama.
-    charts_seen : (h, w) int32 chart index per panorama pixel, -1 where the sky is seen.
-    """
-    visible = np.intersect1d(charts_seen[charts_seen >= 0], buffer.writable)
-    if len(visible):
-        facing, surface, camera, marked = _facing_charts(scene, buffer, viewpoint, visible, charts_seen)
-        _mark_tiles(buffer.state.views, buffer.provenance, facing, camera, surface, marked)
 
 
 def _facing_charts(
@@ -282,58 +262,3 @@ def _blend_tiles(
                         if provenance[t] <= Provenance.TRANSLATED:
                             provenance[t] = Provenance.TRANSLATED
                             blend_texel(state, t, resolved)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _mark_tiles(
-    views: UInt16Array,
-    provenance: UInt8Array,
-    charts: FacingCharts,
-    camera: Float64Array,
-    surface: Int32Array,
-    marked: BoolArray,
-) -> None:
-    """Count one view for every untextured, unviewed texel of the marked tiles that is visible."""
-    rows, columns = surface.shape
-    width, height = charts.width, charts.height
-    columns_at, rows_at, depths, levels = (
-        np.empty(VISIBLE_TILE_TEXELS),
-        np.empty(VISIBLE_TILE_TEXELS),
-        np.empty(VISIBLE_TILE_TEXELS),
-        np.empty(VISIBLE_TILE_TEXELS),
-    )
-    first = np.empty(3)
-    tile = -1
-    for c in range(len(charts.origin)):
-        o = multiply_vector(camera, charts.origin[c])
-        u, v = multiply_vector(camera, charts.axis_u[c]), multiply_vector(camera, charts.axis_v[c])
-        step = charts.step[c]
-        along = step * u
-        for top in range(0, height[c], VISIBLE_TILE_TEXELS):
-            for left in range(0, width[c], VISIBLE_TILE_TEXELS):
-                tile += 1
-                if not marked[tile]:
-                    continue
-                for j in range(top, min(top + VISIBLE_TILE_TEXELS, height[c])):
-                    t = charts.offset[c] + j * width[c] + left
-                    wide = min(VISIBLE_TILE_TEXELS, width[c] - left)
-                    bare = False
-                    for k in range(wide):
-                        bare |= provenance[t + k] == Provenance.UNSEEN and views[t + k] == 0
-                    if not bare:
-                        continue
-                    x, y = (left + 0.5) * step, (j + 0.5) * step
-                    for axis in range(3):
-                        first[axis] = o[axis] + x * u[axis] + y * v[axis]
-                    _project_row(first, along, columns, rows, columns_at, rows_at, depths, levels)
-                    for k in range(wide):
-                        if provenance[t + k] != Provenance.UNSEEN or views[t + k]:
-                            continue
-                        down = first[1] + k * along[1]
-                        if levels[k] + down * down > charts.farthest[c] * charts.farthest[c]:
-                            continue
-                        row, column = min(int(rows_at[k]), rows - 1), int(columns_at[k])
-                        if column >= columns:
-                            column = 0
-                        if surface[row, column] == charts.surface[c]:
-                            views[t + k] = 1

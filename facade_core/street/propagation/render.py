@@ -68,7 +68,9 @@ def daylight_grey(normals: Float64Array) -> Float64Array:
     return grey
 
 
-def render_panorama(scene: Scene, buffer: TexelBuffer, viewpoint: Viewpoint, size: tuple[int, int]) -> RenderedPanorama:
+def render_panorama(
+    scene: Scene, buffer: TexelBuffer, viewpoint: Viewpoint, size: tuple[int, int], *, shaded: bool = True
+) -> RenderedPanorama:
     """Render a viewpoint with the texels of a buffer.
 
     Texels of provenance 0 and charts outside the buffer count as untextured. Within the distance gate so do texels with
@@ -80,6 +82,7 @@ def render_panorama(scene: Scene, buffer: TexelBuffer, viewpoint: Viewpoint, siz
     buffer : texels that the street reads and writes.
     viewpoint : position and direction of the panorama.
     size : height and width in pixels; width = 2 height.
+    shaded : whether untextured parts show soft daylight, for which rays are cast; else they are black.
 
     Raises
     ------
@@ -94,8 +97,6 @@ def render_panorama(scene: Scene, buffer: TexelBuffer, viewpoint: Viewpoint, siz
     rays, depth, chart = scene.cast_panorama(viewpoint, width)
     charts, placement, rasters = scene.charts, scene.placement, buffer.layout
     normal = charts.normals()
-    daylight = scene.daylight
-    daylight.compute(np.unique(chart[chart != MISS]))
     rgb = np.zeros((height, width, 3), np.uint8)
     rgb[np.isfinite(depth) & (chart == MISS)] = OUT_OF_RANGE_GREY
     textured = np.zeros((height, width), bool)
@@ -110,7 +111,13 @@ def render_panorama(scene: Scene, buffer: TexelBuffer, viewpoint: Viewpoint, siz
         placement.height,
         255 * daylight_grey(normal),
     )
-    lights = DaylightGrids(daylight.start, daylight.columns, daylight.rows, daylight.light)
+    if shaded:
+        daylight = scene.daylight
+        daylight.compute(np.unique(chart[chart != MISS]))
+        lights = DaylightGrids(daylight.start, daylight.columns, daylight.rows, daylight.light)
+    else:
+        cell = np.full(len(charts), 2, np.int64)
+        lights = DaylightGrids(np.zeros_like(cell), cell, cell, np.zeros(4, np.float32))
     pixels = PanoramaPixels(rays, depth, chart)
     gate = ViewGate(viewpoint.forward, GATE_SPACINGS * scene.spacing)
     texels = (buffer.colour, buffer.provenance, buffer.state.views)

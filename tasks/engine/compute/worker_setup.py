@@ -173,8 +173,7 @@ def _import_workers() -> None:
     from tasks.engine.stage_code import worker_module
 
     for stage in all_stages():
-        if stage.part_of is None:
-            import_module(worker_module(stage.stage))
+        import_module(worker_module(stage.stage))
 
     compile_kernels_once()
 

@@ -26,7 +26,6 @@ from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan
 from tasks.engine.run import Run
 from tasks.engine.stage import (
-    OrderedStage,
     Records,
     ReingestContext,
     UnitOutline,
@@ -108,16 +107,13 @@ def adapt_store_to_plan(root: StoreGroup, last: LastIngest, run: Run, block: Blo
     spec, placement = last.plan.scene.spec, last.plan.scene.placement
     cleared = np.flatnonzero(~np.isin(np.arange(len(last.plan.ids)), list(stays.values())))
     clear_rasters(root, spec, placement, cleared.tolist())
-    resize_arrays(root, plan.scene.spec, units=unit_counts(block, plan), panorama_width=run.texture.panorama_width)
+    resize_arrays(root, plan.scene.spec, units=unit_counts(block, plan))
     kept: set[str] = set()
     for stage in all_stages():
         again, names = matches[stage.stage], [outline.name for outline in stage.outline(block, plan)]
         held = before[stage.stage]  # empty in a store from before the stage was there
         records = [held[again[i]] if again.get(i, len(held)) < len(held) else None for i in range(len(names))]
-        if isinstance(stage, OrderedStage):
-            records = stage.relocate(change, again, records)
-        else:
-            records = _mark_stale(records, held, names)
+        records = _mark_stale(records, held, names)
         written = list(map(_record_text, held))
         for index, text in enumerate(map(_record_text, records)):
             if index >= len(written) or written[index] != text:
@@ -139,9 +135,6 @@ def match_units(
     stays = _unchanged_charts(change.before, change.after)
     matches: dict[str, dict[int, int]] = {}
     for stage in all_stages():
-        if isinstance(stage, OrderedStage):
-            matches[stage.stage] = stage.match(change)
-            continue
         after = stage.outline(change.block, change.after)
         if stage.stage not in STAGE_ARRAYS:
             matches[stage.stage] = match_units_by_name(records[stage.stage], [one.name for one in after])

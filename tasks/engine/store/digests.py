@@ -14,19 +14,19 @@ from facade_core.atlas.rasters import TexelLayout, chart_digests, read_rasters
 from facade_core.atlas.stored_files import digest_stored_file
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
-from tasks.engine.stage import all_stages, ordered_stages, stored_files
+from tasks.engine.stage import all_stages, stored_files
 
 T = TypeVar("T")
 
 
 def find_differing_units(group: StoreGroup, plan: Plan, sample: int | None = None) -> dict[str, list[int]]:
-    """Find the units whose charts, panoramas or files differ from the digests in their records, by stage.
+    """Find the units whose charts or files differ from the digests in their records, by stage.
 
     Units that are not done, and records without digests, are skipped. Every chunk must be readable.
 
     Parameters
     ----------
-    sample : maximal number of charts, panoramas, and files of each stage, evenly spread; None for all.
+    sample : maximal number of charts, and files of each stage, evenly spread; None for all.
     """
     found: dict[str, set[int]] = defaultdict(set)
     chart_of = {f"{number:016x}": chart for chart, number in enumerate(plan.ids.tolist())}
@@ -38,10 +38,6 @@ def find_differing_units(group: StoreGroup, plan: Plan, sample: int | None = Non
         )
         if chart_digests(colour, source, plan.scene.placement, one, plan.ids)[name] != digest:
             found[stage].add(unit)
-    for checked in ordered_stages():
-        if checked.find_differing is not None:
-            for stage, units in checked.find_differing(group, plan, sample).items():
-                found[stage].update(units)
     for owner in all_stages():
         journal = read_journal(group, owner.stage)
         files = [(unit, stored_files(record)) for unit, record in enumerate(journal)]
@@ -58,7 +54,7 @@ def last_chart_writers(group: StoreGroup) -> list[tuple[str, str, int, str]]:
     due: set[tuple[str, str]] = set()
     for stage in STAGE_ARRAYS:
         records = [(i, record) for i, record in enumerate(read_journal(group, stage)) if record]
-        for unit, record in sorted(records, key=lambda one: (one[1].get("wave", 0), one[1]["unit"])):
+        for unit, record in sorted(records, key=lambda one: one[1]["unit"]):
             for chart, digest in record.get("digests", {}).items():
                 found[chart, stage] = (unit, digest)
                 (due.discard if record["status"] == "done" else due.add)((chart, stage))

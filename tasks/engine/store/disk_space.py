@@ -17,13 +17,10 @@ RESERVED_BYTES = 50_000_000
 STORE_TEXEL, PANORAMA_BYTE, PUBLISHED_TEXEL = 2.0, 0.1, 1.5
 
 
-def required_block_bytes(plan: Plan, panorama_width: int, *, stored: bool = True) -> int:
+def required_block_bytes(plan: Plan, *, stored: bool = True) -> int:
     """Estimate the least bytes of a block, published and, unless in a bucket, in its store."""
     texels = int(plan.texel_counts().sum())
-    if not stored:
-        return int(texels * PUBLISHED_TEXEL)
-    panoramas = len(plan.viewpoints) * panorama_width * (panorama_width // 2) * 3
-    return int(texels * (STORE_TEXEL + PUBLISHED_TEXEL) + panoramas * PANORAMA_BYTE)
+    return int(texels * (PUBLISHED_TEXEL + STORE_TEXEL * stored))
 
 
 def free_bytes(folder: Path) -> int:

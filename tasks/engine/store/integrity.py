@@ -1,4 +1,4 @@
-"""Integrity of a store: records without data, streets over missing viewpoints, unreadable chunks.
+"""Integrity of a store: records without data, unreadable chunks.
 
 Damage is found from records, listings and sizes before each run. Repair deletes the records of damaged units, so that they
 are done again.
@@ -27,18 +27,15 @@ from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan
 from tasks.engine.run import Run
 from tasks.engine.stage import (
-    IntegrityInputs,
-    OrderedStage,
     Records,
     Stage,
     all_stages,
-    ordered_stages,
     read_journals,
     stored_files,
 )
 from tasks.engine.store.digests import find_differing_units
 from tasks.engine.store.missing_chunks import find_units_with_missing_chunks
-from tasks.engine.store.unreadable import charts_of_records, empty_unreadable_chunks, units_writing_charts
+from tasks.engine.store.unreadable import charts_of_records, empty_unreadable_chunks
 
 # Folders of the store that units restore, with those of stages and of files; all else is the plan.
 PAGE_FOLDERS = ("atlas", "facade_maps", "journal")
@@ -49,17 +46,11 @@ MAX_NAMED = 3
 
 
 def find_lost_units(session: icechunk.Session) -> dict[str, list[int]]:
-    """Find the units that are recorded as done and whose data are missing, by stage. No raster is read.
-
-    A street whose viewpoints are being done again is among them: its key decides whether it is pending anyway.
-    """
+    """Find the units that are recorded as done and whose data are missing, by stage. No raster is read."""
     group = open_root(session)
     records = read_journals(group)
     found: dict[str, list[int]] = {}
     for stage in all_stages():
-        if isinstance(stage, OrderedStage):
-            found[stage.stage] = stage.find_lost(IntegrityInputs(session, group, records, found))
-            continue
         lost = find_units_with_missing_chunks(session, stage.stage, records[stage.stage])
         lost.update(
             unit
@@ -119,9 +110,7 @@ def _repair(run: Run, *, thorough: bool) -> list[str]:
     if thorough or not has_all_files(repository, run.store):
         for tag in find_broken_tags(repository, run.store):
             repository.delete_tag(tag)
-            said.append(
-                f"{run.store}: tag {tag} cannot be read and is removed; the street stands in the newest snapshot"
-            )
+            said.append(f"{run.store}: tag {tag} cannot be read and is removed")
         if lost := find_unreadable_chunks(session):
             plan = read_plan(session)
             due = empty_unreadable_chunks(group, plan, lost)
@@ -134,10 +123,7 @@ def _repair(run: Run, *, thorough: bool) -> list[str]:
         return said
     plan = plan or read_plan(session)
     for owner in all_stages():
-        lost_here = lost_units.get(owner.stage, [])
-        if isinstance(owner, OrderedStage) and owner.confirm_lost is not None:
-            lost_here = owner.confirm_lost(run, plan, group, lost_here)
-        due.setdefault(owner.stage, set()).update(lost_here)
+        due.setdefault(owner.stage, set()).update(lost_units.get(owner.stage, ()))
     if line := _delete_records(group, plan, due):
         commit(session, f"mend: {line}")
         said.append(f"{run.store}: {line} lost what they made; they are due again")
@@ -153,8 +139,6 @@ def _delete_records(group: StoreGroup, plan: Plan, due: dict[str, set[int]]) -> 
         if stage.writes_base_layer:
             lost = [records[stage.stage][unit] for unit in due.get(stage.stage, ())]
             charts |= charts_of_records(plan, lost)
-    for stage in ordered_stages():  # of their texels, some were blended with these
-        due.setdefault(stage.stage, set()).update(units_writing_charts(plan, records[stage.stage], charts))
     said = [
         _describe(stage, records[stage.stage], sorted(due[stage.stage]))
         for stage in all_stages()
@@ -178,8 +162,7 @@ def _describe(stage: Stage, records: Records, units: Sequence[int]) -> str:
 def _read_plan_tables(session: icechunk.Session) -> None:
     """Read the parts of a snapshot that units cannot restore."""
     group = open_root_of_any_format(session)
-    arrays = {stage.array_folder for stage in ordered_stages() if stage.array_folder}
-    restored = {*PAGE_FOLDERS, *arrays, *FOLDERS}
+    restored = {*PAGE_FOLDERS, *FOLDERS}
     for name, table in group.groups():
         if name not in restored:
             for _, array in table.arrays():

@@ -90,15 +90,13 @@ def completion_summary(run: Run) -> JsonObject | None:
         session = repository.readonly_session(BRANCH)
         group = open_root(session)
         _check_block(run, group)
-        if group.attrs.get("partial"):
-            return None
         if group.attrs.get("key") != run.key or explain_unpublished(run.folder, session.snapshot_id):
             return None
         if group.attrs.get("published_by") != stage_code_digest("publish") or not has_all_stages(group):
             return None
         journals = read_journals(group)
         for stage, codes in _recorded_codes(journals).items():
-            if codes != [stage_code_digest(stage, neural=run.texture.translator == "neural")]:
+            if codes != [stage_code_digest(stage)]:
                 return None
         records = [record for journal in journals.values() for record in journal]
         if not all(record and record["status"] == "done" for record in records):
@@ -126,11 +124,10 @@ def store_code_version(group: StoreGroup) -> str:
 
 
 def _recorded_codes(journals: Mapping[str, Sequence[Record | None]]) -> dict[str, list[str]]:
-    """Return the codes that processed the units of each journal; a viewpoint has its street's."""
+    """Return the codes that processed the units of each journal."""
     found = {
         stage.stage: sorted({split_key(r["key"]).get(CODE, "") for r in journals[stage.stage] if r})
         for stage in all_stages()
-        if stage.part_of is None
     }
     return {stage: codes for stage, codes in found.items() if codes}
 

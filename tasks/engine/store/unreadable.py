@@ -11,7 +11,7 @@ from facade_core.atlas.journal import JOURNAL, Record, read_journal
 from facade_core.atlas.stored_files import FOLDERS
 from facade_core.core.zarr_types import StoreArray, StoreGroup
 from facade_core.plan.plan import Plan
-from tasks.engine.stage import Records, all_stages, ordered_stages, stored_files
+from tasks.engine.stage import Records, all_stages, stored_files
 
 
 def empty_unreadable_chunks(
@@ -32,8 +32,6 @@ def empty_unreadable_chunks(
         units = range(array.shape[0]) if chunks is None else sorted({chunk[0] for chunk in chunks})
         if folder == JOURNAL:
             due[name].update(units)
-        elif owner := next((one for one in ordered_stages() if one.array_folder == folder), None):
-            due[owner.stage].update(units)
         elif folder not in FOLDERS:
             charts = _charts_in_chunks(plan, chunks)
             for writer, arrays in STAGE_ARRAYS.items():

@@ -1,16 +1,14 @@
-"""Task of `ingest`: write a block's geometry, facades, viewpoints and waves to the store."""
+"""Task of `ingest`: write a block's geometry, facades and viewpoints to the store."""
 
 from __future__ import annotations
 
 import re
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 
@@ -18,9 +16,7 @@ from catalogs.block.corrections import BUILDING_CORRECTION_KINDS
 from catalogs.features import safe_file_stem
 from facade_core.atlas.arrays import STORE_FORMAT, create_arrays
 from facade_core.atlas.store import BRANCH, commit, create_root, open_repository, open_root_of_any_format, read_format
-from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.streets import street_predecessors
 from facade_core.geometry.walls import WallRole
 from facade_core.plan.identity import ParallelMap, map_in_this_process
 from facade_core.plan.plan import Plan
@@ -84,9 +80,7 @@ def ingest_block(run: Run, block: Block, each: ParallelMap = map_in_this_process
             else make_plan(block, last.places if last else None, each)
         )
         plan = place_pictured_facades(plan, last.places if last else None, photo_resolution(block, plan))
-        require_disk_space(
-            run.local, required_block_bytes(plan, run.texture.panorama_width, stored=run.local == run.folder)
-        )
+        require_disk_space(run.local, required_block_bytes(plan, stored=run.local == run.folder))
         if last is None:
             anew = fresh_ingest_reason(run, root)
             root = create_root(session)
@@ -103,7 +97,6 @@ def ingest_block(run: Run, block: Block, each: ParallelMap = map_in_this_process
             published_by=stage_code_digest("publish"),
             crs=run.crs,
             seed=run.seed,
-            translator=run.texture.translator,
             sun=run.texture.sun and [run.texture.sun.azimuth, run.texture.sun.elevation],
             material_digest=store_materials(root, run.roof_material, run.materials, run.texture.texels_per_metre),
             geoid_separation=block.geoid_separation,
@@ -120,13 +113,12 @@ def ingest_block(run: Run, block: Block, each: ParallelMap = map_in_this_process
                 plan.scene.spec,
                 unit_counts(block, plan),
                 crs=run.crs,
-                panorama_width=run.texture.panorama_width,
             )
         else:
             adapt_store_to_plan(root, last, run, block, plan)
         commit(session, f"ingest {run.block}")
     report_progress("ingest", 1)
-    return replace(_outline(plan, root, skipped), anew=anew)
+    return PlanSummary(tuple(map(tuple, root.attrs["set_aside"])), float(root.attrs["ingested"]), skipped, anew)
 
 
 def explain_missing_street_facades(plan: Plan) -> list[str]:
@@ -181,35 +173,6 @@ def _unused_corrections(block: Block, plan: Plan) -> list[str]:
     return [
         f"corrections of what is not in the block as it is, kept and not used: {len(lost)} ({', '.join(sorted(lost)[:3])})"
     ]
-
-
-def _outline(plan: Plan, root: StoreGroup, skipped: bool) -> PlanSummary:
-    per_street = np.bincount(plan.viewpoint_streets, minlength=len(plan.wave)).tolist()
-    waves: list[list[int]] = [[] for _ in range(int(plan.wave.max(initial=-1)) + 1)]
-    for street, wave in enumerate(plan.wave.tolist()):
-        if per_street[street]:
-            waves[wave].append(street)
-    return PlanSummary(
-        streets=tuple(street.name or street.id for street in plan.streets),
-        waves=tuple(map(tuple, waves)),
-        after=_street_predecessors(plan),
-        viewpoints=tuple(per_street),
-        windows=tuple((read, written) for read, written in plan.street_texel_counts().tolist()),
-        set_aside=tuple(map(tuple, root.attrs["set_aside"])),
-        ingested=float(root.attrs["ingested"]),
-        skipped=skipped,
-    )
-
-
-def _street_predecessors(plan: Plan) -> tuple[tuple[int, ...], ...]:
-    placement, spec = plan.scene.placement, plan.scene.spec
-    # charts that share a chunk have no other, so the first chunk of each stands for all that it has
-    corner = (placement.y - spec.gutter, placement.x - spec.gutter)
-    first = np.column_stack([placement.page, *(side // spec.chunk for side in corner)])
-    chunk = np.unique(first, axis=0, return_inverse=True)[1].reshape(-1)
-    street, chart = plan.street_charts.T
-    reads = np.column_stack([street, chunk[chart]])
-    return tuple(tuple(found.tolist()) for found in street_predecessors(plan.wave, reads, reads[plan.writable[chart]]))
 
 
 def find_stray_photos(photos: Mapping[str, Path], facades: Sequence[str]) -> list[tuple[str, str]]:

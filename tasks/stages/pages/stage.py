@@ -23,7 +23,7 @@ PAGE_TEXEL = 40
 
 def list_page_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit[PageInputs]]:
     """List the units of stage `pages`: one for each page of the atlas."""
-    digests = latest_chart_digests(read_journal(group, "surfaces"), [])
+    digests = latest_chart_digests(read_journal(group, "surfaces"))
     memory = page_memory(plan.scene.spec.page**2)
     names = _page_names(plan)
     return [

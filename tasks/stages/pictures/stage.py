@@ -43,7 +43,7 @@ FACADES_PER_GROUP = 8
 
 def list_picture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit[PictureInputs]]:
     """List the units of stage `pictures`: the views, then each facade's pictures."""
-    digests = latest_chart_digests(read_journal(group, "surfaces"), [])
+    digests = latest_chart_digests(read_journal(group, "surfaces"))
     records = read_journal(group, "facades", FacadeRecord)
     views = choose_cameras(plan, records, run.texture.sun)
     memory = view_memory(plan.scene.spec.page**2)

@@ -14,6 +14,7 @@ from catalogs.readers.pictures.materials import MaterialPicture, RoofPicture
 from facade_core.atlas.journal import latest_chart_digests, read_records
 from facade_core.atlas.rasters import TexelLayout, read_rasters
 from facade_core.atlas.stored_files import digest_stored_file, read_stored_file, write_stored_file
+from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.errors import InputError
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import MATERIALS
@@ -70,16 +71,24 @@ def pictured_ground(run: Run, plan: Plan, group: StoreGroup) -> StoredCharts:
 def _pictured_charts(plan: Plan, group: StoreGroup) -> tuple[list[int], dict[str, str]]:
     """Return those of MAX_GROUND_PICTURES ground charts near panoramas that a panorama shows, and their digests by id.
 
-    Streets ask for each unit: however many charts there are, few records are read.
+    However many charts there are, few records are read.
     """
     near = plan.ground_near_cameras()
     units = np.linspace(0, len(near) - 1, min(len(near), MAX_GROUND_PICTURES)).astype(np.int64)
-    digests = latest_chart_digests(read_records(group, "grounds", units), [])
+    digests = latest_chart_digests(read_records(group, "grounds", units))
     return [chart for chart in near[units].tolist() if f"{plan.ids[chart]:016x}" in digests], digests
 
 
 def with_pictured_ground(field: MaterialField, plan: Plan, group: StoreGroup, charts: Sequence[int]) -> MaterialField:
     """Return the material field with ground as the base layer of some ground charts shows it; itself without any."""
+    shown = read_pictured_ground(plan, group, charts)
+    return field.with_pictured_ground(shown) if shown else field
+
+
+def read_pictured_ground(
+    plan: Plan, group: StoreGroup, charts: Sequence[int]
+) -> dict[int, tuple[UInt8Array, BoolArray]]:
+    """Return the base layer (h, w, 3) of some ground charts, and which texels (h, w) of it pictures show, by chart."""
     placement = plan.scene.placement
     shown = {}
     for chart in charts:
@@ -87,7 +96,7 @@ def with_pictured_ground(field: MaterialField, plan: Plan, group: StoreGroup, ch
         size = int(placement.height[chart]), int(placement.width[chart])
         rgb, evidence = (read_rasters(group[f"atlas/{name}"], placement, layout) for name in ("seed", "seed_evidence"))
         shown[chart] = rgb.reshape(*size, 3), evidence.reshape(size) == Provenance.PHOTO
-    return field.with_pictured_ground(shown) if shown else field
+    return shown
 
 
 def grain_tables_from_pictures(pictures: Sequence[MaterialPicture]) -> GrainTables | None:
@@ -134,10 +143,8 @@ def store_materials(
     return digest_stored_file(file.getvalue())
 
 
-def rebuild_material_field(group: StoreGroup, plan: Plan) -> MaterialField | None:
-    """Return the material field of a stored block, by the settings of its ingest; None for the neural translator."""
-    if group.attrs["translator"] == "neural":
-        return None
+def rebuild_material_field(group: StoreGroup, plan: Plan) -> MaterialField:
+    """Return the material field of a stored block, by the settings of its ingest."""
     arrays: dict[str, Any] = {}
     if digest := group.attrs["material_digest"]:
         with np.load(BytesIO(read_stored_file(group, MATERIAL_FILE, str(digest))), allow_pickle=False) as file:

@@ -1,1 +1,1 @@
-"""Texture streets viewpoint by viewpoint, and blend their panoramas into the atlas."""
+"""Texture streets viewpoint by viewpoint: what pictures show of the ground is continued along them."""

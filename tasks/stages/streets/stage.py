@@ -1,91 +1,84 @@
-"""Stages `viewpoints` and `streets`: processed in the order of streets, not fanned out."""
+"""Stage `streets`: streets that show pictured ground, each on its own; their views are blended where surfaces are finished."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import cast
 
-from facade_core.atlas.journal import Record
-from tasks.engine.stage import OrderedStage, Records, ReingestContext, UnitOutline
-from tasks.stages.streets.forecast import forecast_pending_streets, forecast_pending_viewpoints
-from tasks.stages.streets.integrity import (
-    confirm_lost_streets,
-    find_differing_panoramas,
-    find_lost_streets,
-    find_lost_viewpoints,
-)
+import numpy as np
 
+from catalogs.block.reader import Block
+from facade_core.atlas.journal import latest_chart_digests, read_journal
+from facade_core.core.arrays import Int64Array
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.geometry.charts import ChartKind
+from facade_core.plan.plan import Plan
+from facade_core.street.propagation.continuation import CONTINUATION
+from tasks.engine.inputs import INPUTS_PENDING
+from tasks.engine.run import Run
+from tasks.engine.stage import ForecastInputs, Stage, StageForecast, UnitOutline
+from tasks.engine.unit import Unit
+from tasks.stages.shared.materials import pictured_ground
+from tasks.stages.shared.memory import LIBRARY_BYTES
+from tasks.stages.shared.scene_view import store_charts, view_charts
+from tasks.stages.streets.worker import StreetInputs, compute_street, write_street
 
-def _match_streets(change: ReingestContext) -> dict[int, int]:
-    """Match streets with the same line, else the same id."""
-    before, after = change.before.streets, change.after.streets
-    lines = {street.line.wkb: i for i, street in reversed(list(enumerate(before)))}
-    names = {street.id: i for i, street in enumerate(before)}
-    again: dict[int, int] = {}
-    taken: set[int] = set()
-    for matches in ([lines.get(street.line.wkb) for street in after], [names.get(street.id) for street in after]):
-        for index, match in enumerate(matches):
-            if index not in again and match is not None and match not in taken:
-                again[index] = match
-                taken.add(match)
-    return again
+# Bytes per texel of differences that a street holds, with its blend state, and per pixel of a panorama.
+STREET_TEXEL = 64
+PANORAMA_PIXEL = 160
 
 
-def _relocate_streets(change: ReingestContext, again: Mapping[int, int], records: Records) -> Records:
-    """Update the names and waves of streets."""
-    plan = change.after
-    return [
-        cast(Record, {**record, "unit": plan.streets[index].id, "wave": int(plan.wave[index])}) if record else None
-        for index, record in enumerate(records)
-    ]
-
-
-def _match_viewpoints(change: ReingestContext) -> dict[int, int]:
-    """Match viewpoints by their number along their street; none if the panorama width changed."""
-    if change.last["panoramas/rgb"].shape[2] != change.run.texture.panorama_width:
-        return {}
-    return {
-        viewpoint.id: earlier.id
-        for street, before in _match_streets(change).items()
-        for viewpoint, earlier in zip(
-            change.after.street_viewpoints(street), change.before.street_viewpoints(before), strict=False
+def list_street_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit[StreetInputs]]:
+    """List the streets; one that shows no pictured ground depends on nothing, and has nothing to do."""
+    digests = latest_chart_digests(read_journal(group, "grounds"))
+    learnt = pictured_ground(run, plan, group)
+    area = np.prod(plan.scene.charts.size, axis=1)
+    units = []
+    for index, street in enumerate(plan.streets):
+        ground = _ground_of_street(plan, index)
+        shown = [chart for chart in ground.tolist() if f"{plan.ids[chart]:016x}" in digests]
+        viewpoints = plan.street_viewpoints(index) if shown else []
+        looks = [plan.view_digests[viewpoint.id] for viewpoint in viewpoints]
+        scene = plan.scene
+        inputs = StreetInputs(
+            street=index,
+            view=view_charts(run, plan, ground.tolist() if shown else (), scene.spacing, scene.visibility_range, *looks)
+            if shown
+            else view_charts(run, plan, ()),
+            pictured=store_charts(run, plan, shown, digests),
+            pictured_ground=learnt if shown else store_charts(run, plan, (), {}),
+            materials=run.materials if shown else (),
+            panorama_width=run.texture.panorama_width if shown else 0,
+            seed=run.seed if shown else 0,
         )
-    }
+        texels = int(area[ground].sum() * CONTINUATION.texels_per_metre**2) if shown else 0
+        memory = LIBRARY_BYTES + texels * STREET_TEXEL + inputs.panorama_width**2 // 2 * PANORAMA_PIXEL
+        units.append(Unit(index, street.id, inputs, memory))
+    return units
 
 
-def _relocate_viewpoints(change: ReingestContext, again: Mapping[int, int], records: Records) -> Records:
-    """Update the names of viewpoints, and move their panoramas."""
-    plan = change.after
-    for new, old in again.items():
-        record = records[new]
-        if new != old and record and "panorama" in record:
-            change.group["panoramas/rgb"][new] = change.last["panoramas/rgb"][old]
-    for index, record in enumerate(records):
-        if record:
-            step = record["unit"].rpartition("/")[2]
-            records[index] = record | {"unit": f"{plan.streets[plan.viewpoints[index].street].id}/{step}"}
-    return records
+def _ground_of_street(plan: Plan, street: int) -> Int64Array:
+    """Return the ground charts (k,) of the core in the panoramas of a street, ascending."""
+    charts = plan.charts_of_street(street)
+    is_ground: Int64Array = charts[(plan.scene.charts.kind[charts] == ChartKind.GROUND) & plan.in_core[charts]]
+    return is_ground
 
 
-VIEWPOINTS = OrderedStage(
-    "viewpoints",
-    "viewpoint",
-    outline=lambda block, plan: [UnitOutline(f"{plan.streets[one.street].id}, {one.id}") for one in plan.viewpoints],
-    match=_match_viewpoints,
-    relocate=_relocate_viewpoints,
-    part_of="streets",
-    array_folder="panoramas",
-    find_lost=find_lost_viewpoints,
-    find_differing=find_differing_panoramas,
-    forecast=forecast_pending_viewpoints,
-)
-STREETS = OrderedStage(
+def _forecast(inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast:
+    """Find the pending streets: if ground that pictures may show is written again, all that show pictured ground."""
+    rewritten = np.zeros(len(inputs.plan.ids), bool)
+    rewritten[list(inputs.rewritten)] = True
+    if not rewritten[inputs.plan.ground_near_cameras()].any():
+        return StageForecast(own)
+    pictured = {unit.index: INPUTS_PENDING for unit in inputs.units["streets"] if unit.inputs.pictured.charts}
+    return StageForecast(pictured | dict(own))
+
+
+STREETS = Stage(
     "streets",
     "street",
     outline=lambda block, plan: [UnitOutline(street.id) for street in plan.streets],
-    match=_match_streets,
-    relocate=_relocate_streets,
-    find_lost=find_lost_streets,
-    confirm_lost=confirm_lost_streets,
-    forecast=forecast_pending_streets,
+    inputs=list_street_units,
+    compute=compute_street,
+    write=write_street,
+    forecast=_forecast,
 )

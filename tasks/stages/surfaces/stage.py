@@ -27,8 +27,8 @@ from tasks.stages.shared.base_layer import BASE_LAYER_STAGES
 from tasks.stages.shared.materials import pictured_ground
 from tasks.stages.shared.memory import FINISHED_TEXEL, LIBRARY_BYTES
 from tasks.stages.shared.scene_view import SceneView, StoredCharts, store_charts, view_charts
+from tasks.stages.shared.street_views import StoredView, list_stored_views
 from tasks.stages.shared.view_inputs import bounding_box
-from tasks.stages.streets.record import StreetRecord
 from tasks.stages.surfaces.worker import SurfaceInputs, compute_surface, write_surface
 
 # Bytes per texel that is painted and levelled, with its surroundings (measured: 150).
@@ -52,19 +52,17 @@ def buildings_and_ground_pieces(plan: Plan) -> list[tuple[str, list[int]]]:
 
 def list_surface_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit[SurfaceInputs]]:
     """List the units of stage `surfaces`, keyed by facades, textures and streets."""
-    seeds = latest_chart_digests([record for stage in BASE_LAYER_STAGES for record in read_journal(group, stage)], [])
+    seeds = latest_chart_digests([record for stage in BASE_LAYER_STAGES for record in read_journal(group, stage)])
     facades = read_journal(group, "facades", FacadeRecord)
     labels = {chart: one.get("label_digest") for one in facades if one for chart in one.get("digests", ())}
-    walls = latest_chart_digests(read_journal(group, "walls"), [])
-    streets = latest_chart_digests([], read_journal(group, "streets", StreetRecord))
+    walls = latest_chart_digests(read_journal(group, "walls"))
+    views = list_stored_views(plan, group)
     texels = plan.texel_counts()
     is_ground = plan.scene.charts.kind == ChartKind.GROUND
     pictured = pictured_ground(run, plan, group)
     units = []
     for index, (name, charts) in enumerate(buildings_and_ground_pieces(plan)):
-        inputs = surface_inputs(
-            run, plan, charts, _charts_beside(plan, charts), seeds, streets, pictured, walls, labels
-        )
+        inputs = surface_inputs(run, plan, charts, _charts_beside(plan, charts), seeds, views, pictured, walls, labels)
         has_seeds = bool(inputs.seeds.charts_with_texels)
         continued = any(inputs.pictured) or (has_seeds and bool(is_ground[charts[0]]))
         memory = surface_memory(texels[charts], continued=continued)
@@ -84,7 +82,7 @@ def surface_inputs(
     charts: Sequence[int],
     beside: Sequence[int],
     seeds: Mapping[str, str],
-    streets: Mapping[str, str],
+    views: Mapping[int, StoredView],
     pictured: StoredCharts,
     walls: Collection[str] = (),
     labels: Mapping[str, str | None] = MappingProxyType({}),
@@ -96,7 +94,7 @@ def surface_inputs(
     charts : its charts.
     beside : neighbouring charts to which it is levelled.
     seeds : digests of the base layer of charts, by id.
-    streets : digests of street texels of charts, by id.
+    views : what viewpoints of streets decided, by viewpoint.
     pictured : ground that panoramas show.
     walls : ids of the charts that show camera pictures.
     labels : digests of the labels of charts with a facade, by id.
@@ -104,10 +102,8 @@ def surface_inputs(
     low, high = bounding_box(plan, charts)
     texture, reads = run.texture, [*charts, *beside]
     reach = DAYLIGHT.max_occluder_m if texture.sun is None else SUNLIGHT.max_shadow_reach_m
-    is_neural, is_ground = (
-        texture.translator == "neural",
-        bool((plan.scene.charts.kind[list(charts)] == ChartKind.GROUND).any()),
-    )
+    is_ground = bool((plan.scene.charts.kind[list(charts)] == ChartKind.GROUND).any())
+    seen = plan.select_view_rows(np.array(charts))[:, 0].tolist() if is_ground else ()
     names = [f"{plan.ids[chart]:016x}" for chart in reads]
     return SurfaceInputs(
         view=view_charts(run, plan, charts, *sorted(names[len(charts) :])),
@@ -115,26 +111,15 @@ def surface_inputs(
         around=SceneView(run, (), tuple(plan.scene_objects.digests_in_box(low - reach, high + reach))),
         seeds=store_charts(run, plan, reads, seeds, [labels.get(name) for name in names[: len(charts)]]),
         pictured=tuple(name in walls for name in names),
-        streets=store_charts(run, plan, reads, streets),
         pictured_ground=pictured if is_ground else store_charts(run, plan, (), {}),
-        views=tuple(_viewpoint_positions(plan, chart) for chart in charts) if is_neural else (),
+        views=tuple(sorted((views[viewpoint] for viewpoint in set(seen) & views.keys()), key=lambda one: one.place)),
         aerial=run.aerial if is_ground else None,
         roof_material=run.roof_material,
         materials=run.materials,
         sun=texture.sun,
-        is_neural=is_neural,
         levelling=texture.levelling,
-        panorama_width=texture.panorama_width if is_neural else 0,
         seed=run.seed,
     )
-
-
-def _viewpoint_positions(plan: Plan, chart: int) -> tuple[tuple[float, ...], ...]:
-    """Return the positions of viewpoints whose pixels a chart was translated from; none of facades: windows have no grain."""
-    if plan.is_facade(chart):
-        return ()
-    seen = plan.select_view_rows(np.array([chart]))[:, 0].tolist()
-    return tuple(tuple(plan.viewpoints[viewpoint].position.tolist()) for viewpoint in seen)
 
 
 def surface_memory(texels: IntArray, *, continued: bool = False) -> int:
@@ -155,8 +140,8 @@ def _forecast(inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast:
     again = np.zeros(len(plan.ids), bool)
     again[list(inputs.rewritten)] = True
     for street in inputs.pending["streets"]:
-        charts = plan.charts_of_street(street)
-        again[charts[plan.writable[charts]]] = True
+        charts = inputs.units["streets"][street].inputs.view.charts
+        again[list(charts)] = True
     if again[plan.ground_near_cameras()].any():  # other ground looks as panoramas show these pieces
         again |= plan.scene.charts.kind == ChartKind.GROUND
     following = {unit.index: INPUTS_PENDING for unit in inputs.units["surfaces"] if again[list(unit.charts)].any()}

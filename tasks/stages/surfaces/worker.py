@@ -15,17 +15,18 @@ from catalogs.readers.pictures.aerial import Orthophoto
 from catalogs.readers.pictures.materials import MaterialPicture, RoofPicture
 from facade_core.atlas.rasters import TexelLayout, chart_digests, describe_completeness, write_rasters
 from facade_core.atlas.surroundings import ChartReader
-from facade_core.core.arrays import UInt8Array
-from facade_core.core.provenance import merge_atlas_layers
+from facade_core.core.arrays import AnyArray, UInt8Array, UInt16Array
+from facade_core.core.provenance import Provenance
 from facade_core.core.types import Sun
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.facade.wall_material import measure_wall_material
 from facade_core.geometry.chart_packing import ChartPlacements
 from facade_core.plan.plan import Plan
 from facade_core.street.materials.field import MaterialField
-from facade_core.street.surfaces import ChartSunlight, FinishSettings, KnownTexture, TranslatedViews, finish_chart
+from facade_core.street.propagation.continuation import StreetView, blend_street_views
+from facade_core.street.surfaces import ChartSunlight, FinishSettings, KnownTexture, finish_chart
 from tasks.engine.atlas import Atlas
-from tasks.engine.context import load_run_plan
+from tasks.engine.context import current_store, load_run_plan
 from tasks.engine.inputs import (
     GEOMETRY_CHANGED,
     INPUTS_PENDING,
@@ -37,6 +38,10 @@ from tasks.engine.inputs import (
 from tasks.engine.run import Run
 from tasks.stages.shared.materials import material_field, with_pictured_ground
 from tasks.stages.shared.scene_view import SceneView, StoredCharts
+from tasks.stages.shared.street_views import StoredView
+
+# Views of streets that a worker keeps between units, of 4 MB each: pieces of ground beside each other share most.
+MAX_CACHED_VIEWS = 32
 
 
 @dataclass(frozen=True)
@@ -50,15 +55,12 @@ class SurfaceInputs:
     around : what may shade the charts.
     seeds : base layer of these charts: of walls and roofs from panoramas, facades and textures; with labels of its own facades.
     pictured : whether each of them shows camera pictures of a wall or roof.
-    streets : texels of streets on these charts.
     pictured_ground : ground that panoramas show, after which other ground looks; none for charts of buildings.
-    views : positions of viewpoints that see each of the charts, where panoramas are translated.
+    views : what viewpoints of streets decided that see the charts, in the order of streets.
     aerial : picture of ground from above.
     roof_material, materials : own pictures of materials.
     sun : position of the sun.
-    is_neural : whether a network translated the panoramas.
     levelling : whether seams are levelled.
-    panorama_width : width of the translated panoramas, pixels.
     seed : seed of the block.
     """
 
@@ -67,26 +69,29 @@ class SurfaceInputs:
     around: SceneView = input_field(SURROUNDINGS_CHANGED)
     seeds: StoredCharts = input_field(INPUTS_PENDING)
     pictured: tuple[bool, ...] = input_field(INPUTS_PENDING)
-    streets: StoredCharts = input_field(INPUTS_PENDING)
     pictured_ground: StoredCharts = input_field(INPUTS_PENDING)
-    views: tuple[tuple[tuple[float, ...], ...], ...] = input_field(VIEW_CHANGED)
+    views: tuple[StoredView, ...] = input_field(VIEW_CHANGED)
     aerial: Orthophoto | None = input_field("orthophoto changed")
     roof_material: RoofPicture | None = input_field(SETTINGS_CHANGED)
     materials: tuple[MaterialPicture, ...] = input_field(SETTINGS_CHANGED)
     sun: Sun | None = input_field(SETTINGS_CHANGED)
-    is_neural: bool = input_field(SETTINGS_CHANGED)
     levelling: bool = input_field(SETTINGS_CHANGED)
-    panorama_width: int = input_field(SETTINGS_CHANGED)
     seed: int = input_field(SETTINGS_CHANGED)
 
 
 class FinishedSurfaces(NamedTuple):
-    """Colour (t, 3) uint8 and provenance (t,) uint8 of the texels of some charts, and seconds by step."""
+    """Colour (t, 3) uint8, provenance (t,) uint8 and street views (t,) uint16 of some charts' texels, and seconds by step."""
 
     rasters: TexelLayout
     colour: UInt8Array
     provenance: UInt8Array
+    street_views: UInt16Array
     seconds: dict[str, float]
+
+
+@lru_cache(maxsize=MAX_CACHED_VIEWS)
+def _read_view(run: Run, view: StoredView, id: int) -> StreetView:
+    return view.read(current_store(), load_run_plan(run), id)
 
 
 def compute_surface(inputs: SurfaceInputs) -> FinishedSurfaces:
@@ -99,27 +104,25 @@ def compute_surface(inputs: SurfaceInputs) -> FinishedSurfaces:
     )
     prepared = time.time()
     scene.daylight.compute(np.array(charts))  # all at once: each call casts rays of its own
-    seeded, written = inputs.seeds.charts_with_texels, inputs.streets.charts_with_texels
+    seeded = inputs.seeds.charts_with_texels
     pictured = frozenset(compress(inputs.seeds.charts, inputs.pictured))
-    known = KnownTexture(_make_reader(group, scene.placement, seeded, written), seeded, written, pictured)
-    field, own = _add_wall_material(group, plan, field, charts, seeded)
+    known = KnownTexture(_make_reader(group, scene.placement, seeded), seeded, pictured)
+    field = _add_wall_material(group, plan, field, charts, seeded)
+    views = [_read_view(inputs.view.run, one, number) for number, one in enumerate(inputs.views)]
     rasters = TexelLayout.of_charts(scene.placement, charts)
     colour, provenance = np.empty((rasters.total, 3), np.uint8), np.empty(rasters.total, np.uint8)
-    is_neural, views = inputs.is_neural, inputs.views
-    for number, chart in enumerate(charts):
+    street_views = np.zeros(rasters.total, np.uint16)
+    for chart in charts:
+        differences = blend_street_views(scene, chart, views) if views else None
         rgb, rank = finish_chart(
             scene,
             field,
             chart,
             known,
             FinishSettings(
-                is_neural=is_neural,
-                views=TranslatedViews(np.array(views[number]), inputs.panorama_width)
-                if is_neural and views[number]
-                else None,
                 levelling=inputs.levelling,
                 aerial=None if inputs.aerial is None else inputs.aerial.sample,
-                repaint=chart in own,
+                differences=differences,
             ),
             None
             if inputs.sun is None
@@ -127,13 +130,17 @@ def compute_surface(inputs: SurfaceInputs) -> FinishedSurfaces:
         )
         texels = rasters.texel_slice(scene.placement, chart)
         colour[texels], provenance[texels] = rgb.reshape(-1, 3), rank.reshape(-1)
-    return FinishedSurfaces(rasters, colour, provenance, {"prepare": prepared - start, "paint": time.time() - prepared})
+        if differences is not None:
+            street_views[texels] = np.where(rank == Provenance.TRANSLATED, differences.views, 0).reshape(-1)
+    seconds = {"prepare": prepared - start, "paint": time.time() - prepared}
+    return FinishedSurfaces(rasters, colour, provenance, street_views, seconds)
 
 
 def write_surface(atlas: Atlas, _unit: object, result: FinishedSurfaces) -> dict[str, object]:
     """Write colour and provenance of some charts; returns the fields of their record."""
     scene = atlas.plan.scene
-    for name, flat in {"colour": result.colour, "provenance": result.provenance}.items():
+    arrays: dict[str, AnyArray] = {"colour": result.colour, "provenance": result.provenance, "street_views": result.street_views}
+    for name, flat in arrays.items():
         write_rasters(atlas.group[f"atlas/{name}"], scene.spec, scene.placement, result.rasters, flat)
     digests = chart_digests(result.colour, result.provenance, scene.placement, result.rasters, atlas.plan.ids)
     fields = {"digests": digests, "texels": result.rasters.total, "seconds": result.seconds}
@@ -155,20 +162,17 @@ def _material_field(
 
 def _add_wall_material(
     group: StoreGroup, plan: Plan, field: MaterialField, charts: Sequence[int], seeded: Collection[int]
-) -> tuple[MaterialField, set[int]]:
-    """Return the material field with the wall of the building's largest facade, and the charts that take it."""
+) -> MaterialField:
+    """Return the material field with the wall of the building's largest facade."""
     placement = plan.scene.placement
     facades = [chart for chart in charts if chart in seeded and plan.is_facade(chart)]
     if not facades:
-        return field, set()
+        return field
     chart = max(facades, key=lambda one: (int(placement.height[one]) * int(placement.width[one]), -one))
     part = _chart_slices(placement, chart)
     image, labels = np.asarray(group["atlas/seed"][part]), np.asarray(group["facade_maps/labels"][part])
     wall = measure_wall_material(image, labels, float(placement.texels_per_metre[chart]))
-    if wall is None:
-        return field, set()
-    changed, own = field.with_facade_material(charts, wall, chart)
-    return changed, set(own.tolist())
+    return field if wall is None else field.with_facade_material(charts, wall, chart)
 
 
 def _chart_slices(placement: ChartPlacements, chart: int) -> tuple[int, slice, slice]:
@@ -187,10 +191,8 @@ def _facade_labels(group: StoreGroup, plan: Plan, chart: int) -> UInt8Array | No
     )
 
 
-def _make_reader(
-    group: StoreGroup, placement: ChartPlacements, seeded: Collection[int], written: Collection[int]
-) -> ChartReader:
-    """Return a reader of base layer and street texels; charts without either read as empty."""
+def _make_reader(group: StoreGroup, placement: ChartPlacements, seeded: Collection[int]) -> ChartReader:
+    """Return a reader of the base layer; charts without it read as empty."""
     array = cache(group.__getitem__)  # opening an array takes as long as reading a chunk
 
     def read(chart: int, rows: slice, columns: slice) -> tuple[UInt8Array, UInt8Array]:
@@ -201,12 +203,9 @@ def _make_reader(
             slice(x + columns.start, x + columns.stop),
         )
         shape = (rows.stop - rows.start, columns.stop - columns.start)
-        seed, evidence = np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.uint8)
-        street, views = seed, np.zeros(shape, np.uint16)
-        if chart in seeded:
-            seed, evidence = np.asarray(array("atlas/seed")[part]), np.asarray(array("atlas/seed_evidence")[part])
-        if chart in written:
-            street, views = np.asarray(array("atlas/street")[part]), np.asarray(array("atlas/street_views")[part])
-        return merge_atlas_layers(seed, evidence, street, views)
+        if chart not in seeded:
+            return np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.uint8)
+        colour, provenance = np.asarray(array("atlas/seed")[part]), np.asarray(array("atlas/seed_evidence")[part])
+        return np.where(provenance[..., None] > Provenance.UNSEEN, colour, np.uint8(0)), provenance
 
     return read

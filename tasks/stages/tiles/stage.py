@@ -29,7 +29,7 @@ TILE_TEXEL = 1
 
 def list_tile_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit[TileInputs]]:
     """List the units of stage `tiles`: one for each tile of the block."""
-    digests = latest_chart_digests(read_journal(group, "surfaces"), [])
+    digests = latest_chart_digests(read_journal(group, "surfaces"))
     texels = plan.texel_counts()
     return [
         Unit(

@@ -58,7 +58,7 @@ def test_charts_are_those_of_the_journal(atlas: Atlas) -> None:
     """Texels by their digests; the texels' centres where the plan has them."""
     plan = read_plan(atlas.session)
     placement, charts = plan.scene.placement, plan.scene.charts
-    digests = latest_chart_digests(read_journal(atlas.group, "surfaces"), [])
+    digests = latest_chart_digests(read_journal(atlas.group, "surfaces"))
     assert len(digests) > 5
     for row, number in enumerate(plan.ids.tolist()):
         id_ = f"{number:016x}"

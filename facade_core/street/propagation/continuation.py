@@ -1,0 +1,283 @@
+"""Differences of ground from its material, as pictures show them, continued along a street from viewpoint to viewpoint.
+
+The material field gives the detail of ground that no picture shows, and pictures give what they differ by from it: exposure,
+tint, wear. A viewpoint's partially textured panorama holds these differences where a picture shows the ground. Its other ground
+takes the mean of the differences on the same surface in the panorama, weighted by the cube of the inverse distance, so that it
+never lies outside what the pictures show. What a viewpoint decided is known to the next ones.
+
+References
+----------
+Street paper, 3. Shepard 1968, A two-dimensional interpolation function for irregularly-spaced data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array, IntArray, UInt8Array, UInt16Array
+from facade_core.core.numba_cache import njit
+from facade_core.core.provenance import Provenance
+from facade_core.geometry.raycast import MISS
+from facade_core.geometry.scene import Scene
+from facade_core.geometry.streets import Viewpoint
+from facade_core.street.materials.field import MaterialField
+from facade_core.street.propagation.blend import blend_views
+from facade_core.street.propagation.propagate import propagate_panorama
+from facade_core.street.propagation.render import RenderedPanorama, render_panorama
+from facade_core.street.propagation.texel_buffer import TexelBuffer
+
+# Value of a difference of 0 in a difference image: a byte holds -128 to 127.
+NO_DIFFERENCE = 128
+
+
+@dataclass(frozen=True)
+class ContinuationSettings:
+    """Settings of the continuation.
+
+    Attributes
+    ----------
+    texels_per_metre : density at which a street holds differences; these are means over its texels.
+    cell_m : side of the cells of which a viewpoint takes means.
+    min_shown_share : share of a texel that pictures show, from which on it is known.
+    """
+
+    texels_per_metre: float = 4.0
+    cell_m: float = 2.0
+    min_shown_share: float = 0.5
+
+
+CONTINUATION = ContinuationSettings()
+
+
+class StreetView(NamedTuple):
+    """Differences that a viewpoint decided.
+
+    Attributes
+    ----------
+    viewpoint : position and direction of the panorama.
+    difference : (h, w, 3) uint8 difference image.
+    chart : (h, w) int32 ground chart of each pixel, -1 where nothing is decided.
+    """
+
+    viewpoint: Viewpoint
+    difference: UInt8Array
+    chart: Int32Array
+
+
+class DecidedDifferences(NamedTuple):
+    """Differences of the texels of a chart: (h, w, 3) uint8 difference image and (h, w) uint16 views that decided it."""
+
+    difference: UInt8Array
+    views: UInt16Array
+
+    def apply(self, colour: UInt8Array, rows: IntArray, columns: IntArray) -> UInt8Array:
+        """Return the colours (k, 3) of texels with their differences, where a view decided one."""
+        difference = self.difference[rows, columns].astype(np.int16) - NO_DIFFERENCE
+        difference[self.views[rows, columns] == 0] = 0
+        changed: UInt8Array = np.clip(colour + difference, 0, 255).astype(np.uint8)
+        return changed
+
+
+def continue_street(
+    scene: Scene,
+    materials: MaterialField,
+    viewpoints: Sequence[Viewpoint],
+    ground: IntArray,
+    shown: Mapping[int, tuple[UInt8Array, BoolArray]],
+    width: int,
+    settings: ContinuationSettings = CONTINUATION,
+) -> dict[int, StreetView]:
+    """Continue what pictures show of a street's ground from viewpoint to viewpoint, in their order.
+
+    Viewpoints before the first that sees a picture follow in reverse order.
+
+    Parameters
+    ----------
+    scene : the block's geometry.
+    materials : material field of the block.
+    viewpoints : of the street, in their order.
+    ground : (k,) ground charts that they see.
+    shown : by ground chart its colours (h, w, 3) and which texels (h, w) pictures show.
+    width : width of the panoramas, pixels.
+
+    Returns
+    -------
+    What each viewpoint decided, by its number; those that see no difference are left out.
+    """
+    coarse = scene.with_density(settings.texels_per_metre)
+    layout, writable = TexelBuffer.plan_layout(coarse.placement, ground.tolist(), ())
+    difference, provenance = np.zeros((layout.total, 3), np.uint8), np.zeros(layout.total, np.uint8)
+    kinds = np.empty(layout.total, np.uint8)
+    for chart in writable.tolist():
+        texels = layout.texel_slice(coarse.placement, chart)
+        density = float(coarse.placement.texels_per_metre[chart])
+        kinds[texels] = materials.ground_kinds(chart, 0, density).reshape(-1)
+        if chart in shown:
+            values, known = _shown_differences(scene, coarse, materials, chart, *shown[chart], settings)
+            difference[texels], provenance[texels] = values, np.where(known, Provenance.PHOTO, Provenance.UNSEEN)
+    buffer = TexelBuffer.allocate(
+        coarse.placement, layout, writable, difference, provenance, visibility_range=scene.visibility_range
+    )
+    found: dict[int, StreetView] = {}
+    for numbers in (range(len(viewpoints)), reversed(range(len(viewpoints)))):
+        for number in numbers:
+            if number in found:
+                continue
+            view = _continue_view(coarse, buffer, kinds, viewpoints[number], width, settings)
+            if view is not None:
+                found[number] = view
+                propagate_panorama(coarse, buffer, view.viewpoint, view.difference, charts_seen=view.chart)
+    return dict(sorted(found.items()))
+
+
+def blend_street_views(scene: Scene, chart: int, views: Sequence[StreetView]) -> DecidedDifferences:
+    """Blend the differences of a chart's texels by Eq. 1 over all views.
+
+    Parameters
+    ----------
+    scene : the block's geometry.
+    chart : a ground chart.
+    views : with viewpoints of ids that tell them apart; in any order.
+    """
+    placement = scene.placement
+    layout, writable = TexelBuffer.plan_layout(placement, [chart], ())
+    nothing = np.zeros((layout.total, 3), np.uint8), np.zeros(layout.total, np.uint8)
+    buffer = TexelBuffer.allocate(placement, layout, writable, *nothing, visibility_range=scene.visibility_range)
+    for view in views:
+        propagate_panorama(scene, buffer, view.viewpoint, view.difference, charts_seen=view.chart)
+    difference, count = blend_views(buffer.state)
+    size = (int(placement.height[chart]), int(placement.width[chart]))
+    return DecidedDifferences(difference.reshape(*size, 3), count.reshape(size))
+
+
+def _shown_differences(
+    scene: Scene,
+    coarse: Scene,
+    materials: MaterialField,
+    chart: int,
+    rgb: UInt8Array,
+    is_shown: BoolArray,
+    settings: ContinuationSettings,
+) -> tuple[UInt8Array, BoolArray]:
+    """Return the difference (t, 3) of a ground chart's coarse texels, and which (t,) are known."""
+    density, finer = (float(one.placement.texels_per_metre[chart]) for one in (coarse, scene))
+    rows, columns = (int(size[chart]) for size in (coarse.placement.height, coarse.placement.width))
+    starts = [np.floor(np.arange(count) * (finer / density)).astype(np.int64) for count in (rows, columns)]
+
+    def total(values: Int64Array) -> Int64Array:
+        return np.add.reduceat(np.add.reduceat(values, starts[0], axis=0), starts[1], axis=1)
+
+    count = total(is_shown.astype(np.int64))
+    known = count >= settings.min_shown_share * total(np.ones(is_shown.shape, np.int64))
+    known &= count > 0
+    mean = total(np.where(is_shown[..., None], rgb, 0).astype(np.int64))[known] / count[known][:, None]
+    row, column = np.nonzero(known)
+    points = scene.charts.points(chart, (column + 0.5) / density, (row + 0.5) / density)
+    plain = materials.colour(np.full(len(points), chart), points, np.full(len(points), 1 / density))
+    difference = np.full((rows, columns, 3), NO_DIFFERENCE, np.uint8)
+    difference[known] = np.clip(np.rint(mean - plain) + NO_DIFFERENCE, 1, 255)
+    return difference.reshape(-1, 3), known.reshape(-1)
+
+
+def _continue_view(
+    scene: Scene,
+    buffer: TexelBuffer,
+    kinds: UInt8Array,
+    viewpoint: Viewpoint,
+    width: int,
+    settings: ContinuationSettings,
+) -> StreetView | None:
+    """Complete the partially textured panorama of differences of a viewpoint; None where it shows no difference."""
+    panorama = render_panorama(scene, buffer, viewpoint, (width // 2, width), shaded=False)
+    offset = buffer.layout.offset
+    on = (panorama.chart != MISS) & (offset[panorama.chart] >= 0)
+    if not panorama.textured[on].any():
+        return None
+    chart, points = panorama.chart[on], panorama.points[on]
+    row, column = scene.locate_texels(points, chart)
+    texel = offset[chart] + row.astype(np.int64) * scene.placement.width[chart] + column
+    is_shown = panorama.textured[on] & (buffer.provenance[texel] == Provenance.PHOTO)
+    side = 2 * int(np.ceil(scene.visibility_range / settings.cell_m))
+    place = (points[:, :2] - viewpoint.position[:2]) / settings.cell_m + side / 2
+    kind = kinds[texel].astype(np.int64)
+    means = _cell_means(panorama, on, is_shown, kind, place, side)
+    filled = np.empty_like(means)
+    has_kind = _fill_cells(means, filled)
+    decided = has_kind[kind]
+    values = np.empty((len(kind), 3))
+    _interpolate(filled, kind, place, values)
+    difference = np.full((*panorama.chart.shape, 3), NO_DIFFERENCE, np.uint8)
+    difference[on] = np.where(
+        is_shown[:, None], panorama.rgb[on], np.rint(np.where(decided[:, None], values, NO_DIFFERENCE))
+    ).astype(np.uint8)
+    shown_chart = np.full(panorama.chart.shape, MISS, np.int32)
+    shown_chart[on] = np.where(decided, chart, MISS)
+    return StreetView(viewpoint, difference, shown_chart)
+
+
+def _cell_means(
+    panorama: RenderedPanorama, on: BoolArray, is_shown: BoolArray, kind: Int64Array, place: Float64Array, side: int
+) -> Float64Array:
+    """Return the mean difference (kinds, side, side, 3) of each cell: of its pictures, else of what views decided; NaN of none."""
+    cell = np.clip(place.astype(np.int64), 0, side - 1)
+    index = (kind * side + cell[:, 1]) * side + cell[:, 0]
+    size = (int(kind.max()) + 1) * side * side
+    rgb, textured = panorama.rgb[on], panorama.textured[on]
+    means = np.full((size, 3), np.nan)
+    for chosen in (textured & ~is_shown, is_shown):
+        count = np.bincount(index[chosen], minlength=size)
+        known = count > 0
+        for band in range(3):
+            total = np.bincount(index[chosen], rgb[chosen, band], minlength=size)
+            means[known, band] = total[known] / count[known]
+    return means.reshape(-1, side, side, 3)
+
+
+@njit(cache=True)
+def _fill_cells(means: Float64Array, filled: Float64Array) -> BoolArray:
+    """Fill every cell of each kind from its known cells, in place; returns which kinds have any."""
+    kinds, side = means.shape[0], means.shape[1]
+    weight = np.empty((side, side))
+    for down in range(side):
+        for right in range(side):
+            squared = 1.0 + down * down + right * right
+            weight[down, right] = 1.0 / (squared * np.sqrt(squared))
+    has_kind = np.zeros(kinds, np.bool_)
+    for kind in range(kinds):
+        rows, columns = np.nonzero(~np.isnan(means[kind, :, :, 0]))
+        has_kind[kind] = len(rows) > 0
+        if not has_kind[kind]:
+            continue
+        for row in range(side):
+            for column in range(side):
+                total, red, green, blue = 0.0, 0.0, 0.0, 0.0
+                for k in range(len(rows)):
+                    share = weight[abs(rows[k] - row), abs(columns[k] - column)]
+                    total += share
+                    red += share * means[kind, rows[k], columns[k], 0]
+                    green += share * means[kind, rows[k], columns[k], 1]
+                    blue += share * means[kind, rows[k], columns[k], 2]
+                filled[kind, row, column, 0] = red / total
+                filled[kind, row, column, 1] = green / total
+                filled[kind, row, column, 2] = blue / total
+    return has_kind
+
+
+@njit(cache=True)
+def _interpolate(filled: Float64Array, kind: Int64Array, place: Float64Array, values: Float64Array) -> None:
+    """Interpolate the cells of each point's kind bilinearly at its place (k, 2), in place."""
+    last = filled.shape[1] - 1
+    for k in range(len(kind)):
+        u = min(max(place[k, 0] - 0.5, 0.0), float(last))
+        v = min(max(place[k, 1] - 0.5, 0.0), float(last))
+        u0, v0 = min(int(u), last - 1), min(int(v), last - 1)
+        for band in range(3):
+            top = filled[kind[k], v0, u0, band] * (1 - (u - u0)) + filled[kind[k], v0, u0 + 1, band] * (u - u0)
+            below = filled[kind[k], v0 + 1, u0, band] * (1 - (u - u0)) + filled[kind[k], v0 + 1, u0 + 1, band] * (
+                u - u0
+            )
+            values[k, band] = top * (1 - (v - v0)) + below * (v - v0)
