@@ -33,8 +33,6 @@ from tasks.engine.run import Run
 from tasks.engine.run_key import create_run
 from tasks.stages.ingest.task import ingest_block
 from tasks.stages.order import STAGE_NAMES, STAGES_IN_ORDER
-from tasks.stages.streets.redo import select_streets
-from tasks.stages.streets.task import texture_street
 from tests.pipeline.small_views import VIEW_SIZE
 
 EAST, NORTH = 385_000.0, 6_671_000.0
@@ -133,25 +131,19 @@ def sooner() -> Iterator[None]:
         yield
 
 
-def texture(block_file: Path, out: Path, *, stop_before: str = "", only: str | None = None) -> Textured:
-    """All stages of a block but publishing, one unit at a time; or those before a street, or with one street only."""
+def texture(block_file: Path, out: Path, *, stop_before: str = "") -> Textured:
+    """All stages of a block but publishing, one unit at a time; or those before a stage."""
     out.mkdir(parents=True, exist_ok=True)
     block, compute = read_block(block_file), SerialCompute()
     run = create_run(block, out)
     outline = ingest_block.fn(run, block)
     run = replace(run, ingested=outline.ingested)
     said, outcome = forecast_work(run, block, outline).said, UnitOutcomeCounts()
-    chosen = select_streets(run, only)
     for kind in STAGES_IN_ORDER:
-        if kind.inputs is not None:
-            with sooner():
-                outcome += _do(run, find_pending_units(run, block, kind), compute)
-        elif kind.part_of is None:
-            for street in (s for wave in outline.waves for s in wave if chosen is None or s in chosen):
-                if outline.streets[street] == stop_before:
-                    return Textured(run, said, outcome.refused)
-                textured = texture_street.fn(run, street, outline.streets[street], 0, compute)
-                assert not textured.failed, textured.failed
+        if kind.stage == stop_before:
+            break
+        with sooner():
+            outcome += _do(run, find_pending_units(run, block, kind), compute)
     return Textured(run, said, outcome.refused)
 
 
@@ -184,12 +176,6 @@ def digests_of(out: Path) -> tuple[str, dict[str, str]]:
     """The digest of the atlas and those of its charts, from the journal."""
     group = _group(out)
     return atlas_digest(group), latest_chart_digests(read_journal(group, "surfaces"))
-
-
-def viewpoint_with_panorama(group: Any) -> int:
-    """The first viewpoint whose panorama is stored: of a material field, few are."""
-    records = [json.loads(text) if text else {} for text in group["journal/viewpoints"][:].tolist()]
-    return next(number for number, record in enumerate(records) if "panorama" in record)
 
 
 def _do(run: Run, due: PendingUnits, compute: SerialCompute) -> UnitOutcomeCounts:

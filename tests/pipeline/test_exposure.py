@@ -56,7 +56,7 @@ def test_two_sides_of_a_house_have_one_exposure(tmp_path: Path) -> None:
     for facade, light in (("a-0", 1.0), ("a-2", 0.6)):
         write_wall(folder, facade, light)
     block = {"buildings": {"a": BUILDINGS["a"]}, "streets": {"1": STREETS["1"]}}
-    texture(write_block(folder, **cast(dict, block)), out, stop_before="street 1")
+    texture(write_block(folder, **cast(dict, block)), out, stop_before="streets")
     walls = read_walls(out)
     assert set(walls) == {"a-0", "a-2"}
     (light, light_colour, _), (dark, dark_colour, _) = walls["a-0"], walls["a-2"]
@@ -66,10 +66,10 @@ def test_two_sides_of_a_house_have_one_exposure(tmp_path: Path) -> None:
     assert np.abs(dark_colour - light_colour).max() < 0.1 * light_colour.mean()
 
     before = started(out)
-    texture(folder / "block.yaml", out, stop_before="street 1")
+    texture(folder / "block.yaml", out, stop_before="streets")
     assert not redone(before, out)
     write_wall(folder, "a-0", 0.6)
-    texture(folder / "block.yaml", out, stop_before="street 1")
+    texture(folder / "block.yaml", out, stop_before="streets")
     again = read_walls(out)
     assert {"a-0", "a-2"} <= {unit for stage, unit in redone(before, out) if stage == "facades"}
     assert "tone_slope" not in again["a-2"][0], "no wall of the house is lighter"

@@ -23,7 +23,7 @@ from tests.pipeline.stages import texture
 def test_facade_ground_and_roof_are_taken_from_perspective_pictures(tmp_path: Path) -> None:
     folder, out = tmp_path / "in", tmp_path / "out"
     block_file = write_picture_block(folder)
-    texture(block_file, out, stop_before="1")
+    texture(block_file, out, stop_before="streets")
     session = open_repository(out / "store").readonly_session("main")
     group, plan = zarr.open_group(session.store, mode="r"), read_plan(session)
     assert all(pose.lens == LENS for pose in plan.poses)

@@ -38,7 +38,7 @@ def test_two_cameras_agree_on_the_ground_and_one_more_changes_what_it_shows(tmp_
     cameras = {"a-1": (8.0, -1.0, 2.5), "a-2": (12.5, 0.5, 3.0), "c-1": (9.0, FAR - 1, 2.5)}
     write_panoramas(folder, cameras)
     block_file = write_panorama_block(folder)
-    texture(block_file, out, stop_before="1")
+    texture(block_file, out, stop_before="streets")
     session = open_repository(out / "store").readonly_session("main")
     group, plan = zarr.open_group(session.store, mode="r"), read_plan(session)
     poses = {record["unit"]: record for record in read_bundled_pose_records(group) if record}
@@ -70,7 +70,7 @@ def test_two_cameras_agree_on_the_ground_and_one_more_changes_what_it_shows(tmp_
 
     before = started(out)
     write_panoramas(folder, cameras | {"a-3": (10.0, 0.0, 2.5)})
-    texture(block_file, out, stop_before="1")
+    texture(block_file, out, stop_before="streets")
     again = redone(before, out)
     assert {unit for stage, unit in again if stage == "poses"} == {"a-3.jpg"}
     assert {unit for stage, unit in again if stage == "bundles"} == {"a-1.jpg"}
