@@ -12,7 +12,7 @@ from facade_core.core.arrays import Int64Array
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import ChartKind
 from facade_core.plan.plan import Plan
-from facade_core.street.propagation.continuation import CONTINUATION
+from facade_core.street.continuation import CONTINUATION
 from tasks.engine.inputs import INPUTS_PENDING
 from tasks.engine.run import Run
 from tasks.engine.stage import ForecastInputs, Stage, StageForecast, UnitOutline

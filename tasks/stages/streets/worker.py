@@ -11,7 +11,7 @@ import numpy as np
 from catalogs.readers.pictures.materials import MaterialPicture
 from facade_core.atlas.stored_files import digest_stored_file, street_view_path
 from facade_core.street.materials.field import MaterialField
-from facade_core.street.propagation.continuation import StreetView, continue_street
+from facade_core.street.continuation import StreetView, continue_street
 from tasks.engine.atlas import Atlas
 from tasks.engine.context import load_run_plan
 from tasks.engine.inputs import INPUTS_PENDING, SETTINGS_CHANGED, VIEW_CHANGED, input_field
@@ -76,13 +76,15 @@ def write_street(atlas: Atlas, unit: Unit[StreetInputs], views: Mapping[int, Str
     for number, view in views.items():
         path = street_view_path(unit.name, number)
         charts = np.ascontiguousarray(ids[view.chart]).view(np.uint8).reshape(*view.chart.shape, 8)
-        data = np.concatenate([view.difference, charts], axis=2)
+        data = np.concatenate([view.difference, view.kind[..., None], charts], axis=2)
         atlas.group.create_array(
             path,
             data=data,
             chunks=data.shape,
             dimension_names=("row", "column", "band"),
-            attributes={"long_name": "difference of ground from its material, 128 for none, and the id of its chart"},
+            attributes={
+                "long_name": "difference of ground from its material, 128 for none, its kind, and the id of its chart"
+            },
             overwrite=True,
         )
         files[path] = digest_stored_file(data.tobytes())
