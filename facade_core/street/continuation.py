@@ -28,7 +28,7 @@ from facade_core.geometry.streets import Viewpoint
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.propagation.blend import blend_views
 from facade_core.street.propagation.propagate import propagate_panorama
-from facade_core.street.propagation.render import RenderedPanorama, render_panorama
+from facade_core.street.propagation.render import render_panorama
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 
 # Value of a difference of 0 in a difference image: a byte holds -128 to 127.
@@ -225,11 +225,12 @@ def _continue_view(
     chart, points = panorama.chart[on], panorama.points[on]
     row, column = scene.locate_texels(points, chart)
     texel = offset[chart] + row.astype(np.int64) * scene.placement.width[chart] + column
-    is_shown = panorama.textured[on] & (buffer.provenance[texel] == Provenance.PHOTO)
+    source = np.where(panorama.textured[on], buffer.provenance[texel], Provenance.UNSEEN)
+    is_shown = source == Provenance.PHOTO
     side = 2 * int(np.ceil(scene.visibility_range / settings.cell_m))
     place = (points[:, :2] - viewpoint.position[:2]) / settings.cell_m + side / 2
     kind = buffer.kinds[texel].astype(np.int64)
-    means = _cell_means(panorama, on, is_shown, kind, place, side)
+    means = _cell_means(panorama.rgb[on], source, kind, place, side)
     filled = np.empty_like(means)
     has_kind = _fill_cells(means, filled)
     decided = has_kind[kind]
@@ -247,18 +248,21 @@ def _continue_view(
 
 
 def _cell_means(
-    panorama: RenderedPanorama, on: BoolArray, is_shown: BoolArray, kind: Int64Array, place: Float64Array, side: int
+    difference: UInt8Array, source: UInt8Array, kind: Int64Array, place: Float64Array, side: int
 ) -> Float64Array:
     """Return the mean difference (kinds, side, side, 3) in each cell of what is known of each kind; NaN where nothing is.
 
     Known is what pictures show, or of a kind that none in the panorama shows, what earlier views decided.
     """
     kinds = int(kind.max()) + 1
-    is_known = panorama.textured[on] & (is_shown | (np.bincount(kind[is_shown], minlength=kinds) == 0)[kind])
+    is_shown = source == Provenance.PHOTO
+    is_pictured = np.bincount(kind[is_shown], minlength=kinds) > 0
+    is_known = is_shown | ((source > Provenance.UNSEEN) & ~is_pictured[kind])
     cell = np.clip(place[is_known].astype(np.int64), 0, side - 1)
-    index, rgb = (kind[is_known] * side + cell[:, 1]) * side + cell[:, 0], panorama.rgb[on][is_known]
+    index = (kind[is_known] * side + cell[:, 1]) * side + cell[:, 0]
     count = np.bincount(index, minlength=kinds * side * side)
-    total = np.stack([np.bincount(index, rgb[:, band], minlength=len(count)) for band in range(3)], axis=1)
+    bands = difference[is_known].T
+    total = np.stack([np.bincount(index, band, minlength=len(count)) for band in bands], axis=1)
     means = np.full(total.shape, np.nan)
     np.divide(total, count[:, None], out=means, where=count[:, None] > 0)
     return means.reshape(kinds, side, side, 3)
