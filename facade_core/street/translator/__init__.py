@@ -1,1 +1,1 @@
-"""Translators of partially textured panoramas, and their training."""
+"""Translators of partially textured panoramas."""
