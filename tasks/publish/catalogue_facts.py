@@ -22,7 +22,6 @@ from facade_core.facade.layout.model import SHIPPED_LAYOUT_MODEL as LAYOUTS
 from facade_core.facade.layout.model import SHIPPED_LAYOUT_NETWORK
 from facade_core.parsing.network import SHIPPED_NETWORK as NETWORK
 from facade_core.plan.plan import Plan
-from facade_core.street.translator.neural_translator import SHIPPED_TRANSLATOR as TRANSLATOR
 from tasks.engine.run import Run
 from tasks.publish.item_rows import ItemRows, record_finish_time
 from tasks.publish.stored_block import StoredBlock
@@ -80,16 +79,6 @@ FACADE_MODELS = (
         {"layouts/cmp.jsonl": "CC BY-SA", "plans of painted facades": "Apache-2.0"},
     ),
 )
-STREET_MODEL = CataloguedModel(
-    TRANSLATOR,
-    "street translator",
-    {
-        "Panoramax, Strasbourg": "Licence Ouverte / CC BY-SA",
-        "Amsterdam's panoramas": "open data of the city",
-        "Swiss street photos": "CC BY 4.0",
-        "renderings of Delfshaven": "open data of Rotterdam, ECP facades (MIT)",
-    },
-)
 
 
 def block_facts(
@@ -132,7 +121,6 @@ def block_facts(
             "texture.visibility_range": plan.scene.visibility_range,
             "texture.panorama_width": run.texture.panorama_width,
             "texture.walls": run.texture.walls,
-            "texture.translator": run.texture.translator,
             "storey": run.storey,
             "seed": run.seed,
             "geoid_separation": group.attrs.get("geoid_separation"),
@@ -203,8 +191,8 @@ def run_facts(journals: Mapping[str, Records], ingested: datetime) -> RunFacts:
     )
 
 
-def models_used(run: Run, facades: Records, viewpoints: Records) -> list[ModelFacts]:
-    """List the learned models that the facades and streets of a block were made with.
+def models_used(run: Run, facades: Records) -> list[ModelFacts]:
+    """List the learned models that the facades of a block were made with.
 
     A model of the block replaces the shipped one. Empty where no unit used a model.
     """
@@ -219,9 +207,6 @@ def models_used(run: Run, facades: Records, viewpoints: Records) -> list[ModelFa
             used.append(_custom_model(own.layout, layouts))
             if own.layout_network is not None:
                 used.append(_custom_model(own.layout_network, network))
-    if run.texture.translator == "neural" and any(record and record["status"] == "done" for record in viewpoints):
-        own_network = run.models.translator
-        used.append(STREET_MODEL if own_network is None else _custom_model(own_network, STREET_MODEL))
     found = []
     for model in used:
         data = model.path.read_bytes()

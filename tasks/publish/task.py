@@ -194,7 +194,7 @@ def _write_snapshot(
                 block=block_facts(run, block, session.snapshot_id, rows, work.ended, sources),
                 streets=street_facts(block.plan, block.journals["streets"], block.journals["viewpoints"]),
                 run=work,
-                models=models_used(run, block.records, block.journals["viewpoints"]),
+                models=models_used(run, block.records),
             ),
             predecessor=predecessor,
             published=published,

@@ -66,7 +66,6 @@ def test_a_change_reaches_the_stages_that_import_it(codes: Codes, tmp_path: Path
         "facade_core/parsing/models/network.md": set(),
         "facade_core/facade/layout/models/layouts.json": facades | {"publish"},
         "facade_core/facade/layout/models/layout_network.onnx": facades | {"publish"},
-        "facade_core/street/translator/models/translator.onnx": {"streets", "publish"},
         "facade_core/imagery/poses/refinement.py": {"poses"},
         "facade_core/imagery/poses/joint_refinement.py": {"bundles"},
         "facade_core/geometry/buildings/facets.py": {"ingest"},
