@@ -50,10 +50,21 @@ def list_street_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> 
             panorama_width=run.texture.panorama_width if shown else 0,
             seed=run.seed if shown else 0,
         )
-        texels = int(area[ground].sum() * CONTINUATION.texels_per_metre**2) if shown else 0
-        memory = LIBRARY_BYTES + texels * STREET_TEXEL + inputs.panorama_width**2 // 2 * PANORAMA_PIXEL
+        memory = street_memory(float(area[ground].sum()) if shown else 0, inputs.panorama_width)
         units.append(Unit(index, street.id, inputs, memory))
     return units
+
+
+def street_memory(area: float, panorama_width: int) -> int:
+    """Return the memory of a street.
+
+    Parameters
+    ----------
+    area : of the ground that it sees, square metres.
+    panorama_width : width of its panoramas, pixels.
+    """
+    texels = int(area * CONTINUATION.texels_per_metre**2)
+    return LIBRARY_BYTES + texels * STREET_TEXEL + panorama_width**2 // 2 * PANORAMA_PIXEL
 
 
 def _ground_of_street(plan: Plan, street: int) -> Int64Array:
