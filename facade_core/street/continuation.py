@@ -22,6 +22,7 @@ import numpy as np
 from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array, IntArray, UInt8Array, UInt16Array
 from facade_core.core.numba_cache import njit
 from facade_core.core.provenance import Provenance
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
@@ -41,11 +42,13 @@ class ContinuationSettings:
 
     Attributes
     ----------
+    panorama_width : pixels; differences are smooth, so that few are enough.
     texels_per_metre : density at which a street holds differences; these are means over its texels.
     cell_m : side of the cells of which a viewpoint takes means.
     min_shown_share : share of a texel that pictures show, from which on it is known.
     """
 
+    panorama_width: int = 512
     texels_per_metre: float = 4.0
     cell_m: float = 2.0
     min_shown_share: float = 0.5
@@ -89,9 +92,8 @@ def continue_street(
     scene: Scene,
     materials: MaterialField,
     viewpoints: Sequence[Viewpoint],
-    ground: IntArray,
+    seen: Sequence[IntArray],
     shown: Mapping[int, tuple[UInt8Array, BoolArray]],
-    width: int,
     settings: ContinuationSettings = CONTINUATION,
 ) -> dict[int, StreetView]:
     """Continue what pictures show of a street's ground from viewpoint to viewpoint, in their order.
@@ -103,15 +105,16 @@ def continue_street(
     scene : the block's geometry.
     materials : material field of the block.
     viewpoints : of the street, in their order.
-    ground : (k,) ground charts that they see.
+    seen : charts (k,) that each of them sees.
     shown : by ground chart its colours (h, w, 3) and which texels (h, w) pictures show.
-    width : width of the panoramas, pixels.
 
     Returns
     -------
     What each viewpoint decided, by its number; those that see no difference are left out.
     """
     coarse = scene.with_density(settings.texels_per_metre)
+    charts = np.unique(np.concatenate(seen))
+    ground = charts[scene.charts.kind[charts] == ChartKind.GROUND]
     layout, writable = TexelBuffer.plan_layout(coarse.placement, ground.tolist(), ())
     difference, provenance = np.zeros((layout.total, 3), np.uint8), np.zeros(layout.total, np.uint8)
     kinds = np.empty(layout.total, np.uint8)
@@ -133,13 +136,16 @@ def continue_street(
         kinds=kinds,
     )
     found: dict[int, StreetView] = {}
+    has_differences = np.zeros(len(scene.charts), bool)
+    has_differences[list(shown)] = True
     for numbers in (range(len(viewpoints)), reversed(range(len(viewpoints)))):
         for number in numbers:
-            if number in found:
+            if number in found or not has_differences[seen[number]].any():
                 continue
-            view = _continue_view(coarse, buffer, viewpoints[number], width, settings)
+            view = _continue_view(coarse, buffer, viewpoints[number], settings)
             if view is not None:
                 found[number] = view
+                has_differences[np.unique(view.chart[view.chart != MISS])] = True
                 _propagate(coarse, buffer, view)
     return dict(sorted(found.items()))
 
@@ -213,11 +219,11 @@ def _continue_view(
     scene: Scene,
     buffer: TexelBuffer,
     viewpoint: Viewpoint,
-    width: int,
     settings: ContinuationSettings,
 ) -> StreetView | None:
     """Complete the partially textured panorama of differences of a viewpoint; None where it shows no difference."""
-    panorama = render_panorama(scene, buffer, viewpoint, (width // 2, width), shaded=False)
+    size = (settings.panorama_width // 2, settings.panorama_width)
+    panorama = render_panorama(scene, buffer, viewpoint, size, shaded=False)
     offset = buffer.layout.offset
     on = (panorama.chart != MISS) & (offset[panorama.chart] >= 0)
     if not panorama.textured[on].any():

@@ -47,24 +47,17 @@ def list_street_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> 
             pictured=store_charts(run, plan, shown, digests),
             pictured_ground=learnt if shown else store_charts(run, plan, (), {}),
             materials=run.materials if shown else (),
-            panorama_width=run.texture.panorama_width if shown else 0,
             seed=run.seed if shown else 0,
         )
-        memory = street_memory(float(area[ground].sum()) if shown else 0, inputs.panorama_width)
+        memory = street_memory(float(area[ground].sum()) if shown else 0)
         units.append(Unit(index, street.id, inputs, memory))
     return units
 
 
-def street_memory(area: float, panorama_width: int) -> int:
-    """Return the memory of a street.
-
-    Parameters
-    ----------
-    area : of the ground that it sees, square metres.
-    panorama_width : width of its panoramas, pixels.
-    """
-    texels = int(area * CONTINUATION.texels_per_metre**2)
-    return LIBRARY_BYTES + texels * STREET_TEXEL + panorama_width**2 // 2 * PANORAMA_PIXEL
+def street_memory(area: float) -> int:
+    """Return the memory of a street that sees ground of an area, square metres."""
+    texels, pixels = int(area * CONTINUATION.texels_per_metre**2), CONTINUATION.panorama_width**2 // 2
+    return LIBRARY_BYTES + texels * STREET_TEXEL + pixels * PANORAMA_PIXEL
 
 
 def _ground_of_street(plan: Plan, street: int) -> Int64Array:

@@ -32,7 +32,6 @@ class StreetInputs:
     pictured : that of it which panoramas show.
     pictured_ground : ground after which ground without a picture looks.
     materials : own pictures of materials.
-    panorama_width : width of the panoramas, pixels.
     seed : seed of the block.
     """
 
@@ -41,7 +40,6 @@ class StreetInputs:
     pictured: StoredCharts = input_field(INPUTS_PENDING)
     pictured_ground: StoredCharts = input_field(INPUTS_PENDING)
     materials: tuple[MaterialPicture, ...] = input_field(SETTINGS_CHANGED)
-    panorama_width: int = input_field(SETTINGS_CHANGED)
     seed: int = input_field(SETTINGS_CHANGED)
 
 
@@ -51,14 +49,11 @@ def compute_street(inputs: StreetInputs) -> dict[int, StreetView]:
         return {}
     plan, store = inputs.view.plan, inputs.pictured.store
     field = _material_field(inputs.view.run, inputs.seed, inputs.materials, inputs.pictured_ground)
-    return continue_street(
-        plan.scene,
-        field,
-        plan.street_viewpoints(inputs.street),
-        np.array(inputs.view.charts),
-        read_pictured_ground(plan, store, inputs.pictured.charts),
-        inputs.panorama_width,
-    )
+    viewpoints = plan.street_viewpoints(inputs.street)
+    own = np.array(inputs.view.charts)
+    seen = [np.intersect1d(plan.charts_of_viewpoint(viewpoint.id), own) for viewpoint in viewpoints]
+    shown = read_pictured_ground(plan, store, inputs.pictured.charts)
+    return continue_street(plan.scene, field, viewpoints, seen, shown)
 
 
 @lru_cache(maxsize=2)

@@ -21,6 +21,7 @@ from facade_core.street.materials.field import MaterialField
 from facade_core.street.continuation import (
     CONTINUATION,
     NO_DIFFERENCE,
+    ContinuationSettings,
     StreetView,
     blend_street_views,
     continue_street,
@@ -28,7 +29,7 @@ from facade_core.street.continuation import (
 from facade_core.street.surfaces import FinishSettings, KnownTexture, finish_chart
 
 STREET = Street("s", None, shapely.LineString([(-10, -8), (90, -8)]))
-WIDTH = 256
+SETTINGS = ContinuationSettings(panorama_width=256)
 
 
 @pytest.fixture(scope="module")
@@ -72,8 +73,8 @@ def shown(
 
 
 def continued(scene: Scene, materials: MaterialField, brighter: Mapping[float, int]) -> dict[int, StreetView]:
-    ground = np.flatnonzero(scene.charts.kind == ChartKind.GROUND)
-    return continue_street(scene, materials, viewpoints(), ground, shown(scene, materials, brighter), WIDTH)
+    seen = [np.arange(len(scene.charts))] * len(viewpoints())
+    return continue_street(scene, materials, viewpoints(), seen, shown(scene, materials, brighter), SETTINGS)
 
 
 def decided(scene: Scene, materials: MaterialField, views: Mapping[int, StreetView], x: float) -> np.ndarray:
@@ -112,7 +113,7 @@ def test_a_surface_that_no_picture_shows_stays_as_it_is(scene: Scene, materials:
     """Only the carriageway is shown: nothing is said of the pavement beside it."""
     import cv2
 
-    ground = np.flatnonzero(scene.charts.kind == ChartKind.GROUND)
+    seen = [np.arange(len(scene.charts))] * len(viewpoints())
     pictures = shown(scene, materials, {5.0: 18})
     (chart,) = pictures
     kinds = materials.ground_kinds(chart, 0)
@@ -120,7 +121,7 @@ def test_a_surface_that_no_picture_shows_stays_as_it_is(scene: Scene, materials:
     assert (kinds != middle).any()
     inner = cv2.erode((kinds == middle).astype(np.uint8), np.ones((5, 5), np.uint8)).astype(bool)
     pictures[chart] = pictures[chart][0], inner
-    views = continue_street(scene, materials, viewpoints(), ground, pictures, WIDTH)
+    views = continue_street(scene, materials, viewpoints(), seen, pictures, SETTINGS)
     other = ground_at(scene, 45.0)
     made, kinds = blend_street_views(scene, materials, other, list(views.values())), materials.ground_kinds(other, 0)
     assert (made.views[kinds == middle] > 0).mean() > 0.5

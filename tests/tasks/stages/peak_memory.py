@@ -91,11 +91,12 @@ def street(height, width):
     viewpoints = [Viewpoint(n, 0, np.array([5.0 * n, -8.0, 2.5]), np.array([1.0, 0.0])) for n in range(3)]
     scene.cast_panorama(viewpoints[0], width)
     ground = np.flatnonzero(charts.kind == ChartKind.GROUND)
+    seen = [np.arange(len(charts))] * len(viewpoints)
     raster = materials.chart_raster(int(ground[0]))
     shown = {int(ground[0]): (raster, np.ones(raster.shape[:2], bool))}
 
     def unit():
-        continue_street(scene, materials, viewpoints, ground, shown, width)
+        continue_street(scene, materials, viewpoints, seen, shown)
         return int(np.prod(charts.size[ground], axis=1).sum())
 
     return unit
@@ -111,7 +112,7 @@ def surface(height, width):
     from facade_core.geometry.ground.terrain import build_terrain
     from facade_core.geometry.scene import Scene
     from facade_core.street.materials.field import MaterialField
-    from facade_core.street.surfaces import FinishSettings, KnownTexture, finish_chart
+    from facade_core.street.surfaces import KnownTexture, finish_chart
 
     line = Street("s", None, shapely.LineString([(-10, -8), (50, -8)]))
     houses = [Building("a", shapely.box(0, 0, 40, 10), 40.0, "height")]
@@ -132,7 +133,7 @@ def surface(height, width):
         return known[rows, columns], rank[rows, columns]
 
     def unit():
-        finish_chart(scene, field, chart, KnownTexture(read, {chart}, ()), FinishSettings(is_neural=True))
+        finish_chart(scene, field, chart, KnownTexture(read, {chart}))
         return shape[0] * shape[1]
 
     return unit

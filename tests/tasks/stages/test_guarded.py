@@ -15,7 +15,7 @@ from tests.pipeline.runs import ROOT, environment
 # no textures of its own.
 NOT_READ = {
     "facades": ["between", "captured", "exposure_factors", "own"],
-    "streets": ["materials", "panorama_width", "pictured_ground", "seed", "view"],
+    "streets": ["materials", "pictured_ground", "seed", "view"],
 }
 
 # Arrays of the atlas whose digests are in the inputs. Of pictures, the facade's key covers all but atlas/provenance, on which
