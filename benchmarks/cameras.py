@@ -63,7 +63,7 @@ def measure(
     true, given, gains, images = photographed_street(
         street, cameras, width, seed, ground=ground_pattern_painter(street)
     )
-    scene = _finer(street.scene)
+    scene = finer_ground(street.scene)
     found: dict[str, Any] = {"benchmark": "cameras", "cameras": cameras, "texels_per_metre": DENSITY}
     for name, poses in (("given", given), ("refined", None), ("true", true)):
         found[name] = _recovered(
@@ -110,7 +110,7 @@ def refined(scene: Scene, images: Sequence[np.ndarray], given: Sequence[Pose]) -
     return list(refined_poses(scene, images, given)["together"])
 
 
-def _finer(scene: Scene) -> Scene:
+def finer_ground(scene: Scene) -> Scene:
     """The scene with its ground at DENSITY."""
     density = np.where(scene.charts.kind == ChartKind.GROUND, DENSITY, scene.placement.texels_per_metre)
     placement = pack_charts(scene.charts.size, density, scene.charts.building, page=2048, chunk=128, gutter=2)
@@ -157,7 +157,7 @@ def _recovered(
     for chart in grounds:
         size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
         views = [rectify_chart_from_panorama(scene, chart, c.image, c.pose, size) for c in cameras]
-        points = _points(scene, chart, size)
+        points = ground_points(scene, chart, size)
         away = [np.hypot(points[..., 0] - c.pose.x, points[..., 1] - c.pose.y) for c in cameras]
         seen = np.stack([v.seen & (a <= GROUND_REACH_M) for v, a in zip(views, away, strict=True)])
         somewhere = np.asarray(seen.any(axis=0))
@@ -235,7 +235,7 @@ def shown_reader(scene: Scene, shown: Mapping[int, FusedCameraView]) -> ChartRea
     return read
 
 
-def _points(scene: Scene, chart: int, size: tuple[int, int]) -> np.ndarray:
+def ground_points(scene: Scene, chart: int, size: tuple[int, int]) -> np.ndarray:
     step = 1 / float(scene.placement.texels_per_metre[chart])
     x, y = np.meshgrid((np.arange(size[1]) + 0.5) * step, (np.arange(size[0]) + 0.5) * step)
     return scene.charts.points(chart, x, y)

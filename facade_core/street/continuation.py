@@ -45,12 +45,14 @@ class ContinuationSettings:
     panorama_width : pixels; differences are smooth, so that few are enough.
     texels_per_metre : density at which a street holds differences; these are means over its texels.
     cell_m : side of the cells of which a viewpoint takes means.
+    smoothing_m : distance within which cells weigh about the same.
     min_shown_share : share of a texel that pictures show, from which on it is known.
     """
 
     panorama_width: int = 512
     texels_per_metre: float = 4.0
     cell_m: float = 2.0
+    smoothing_m: float = 10.0
     min_shown_share: float = 0.5
 
 
@@ -238,7 +240,7 @@ def _continue_view(
     kind = buffer.kinds[texel].astype(np.int64)
     means = _cell_means(panorama.rgb[on], source, kind, place, side)
     filled = np.empty_like(means)
-    has_kind = _fill_cells(means, filled)
+    has_kind = _fill_cells(means, (settings.smoothing_m / settings.cell_m) ** 2, filled)
     decided = has_kind[kind]
     values = np.empty((len(kind), 3))
     _interpolate(filled, kind, place, values)
@@ -275,13 +277,13 @@ def _cell_means(
 
 
 @njit(cache=True)
-def _fill_cells(means: Float64Array, filled: Float64Array) -> BoolArray:
+def _fill_cells(means: Float64Array, smoothing: float, filled: Float64Array) -> BoolArray:
     """Fill every cell of each kind from its known cells, in place; returns which kinds have any."""
     kinds, side = means.shape[0], means.shape[1]
     weight = np.empty((side, side))
     for down in range(side):
         for right in range(side):
-            squared = 1.0 + down * down + right * right
+            squared = smoothing + down * down + right * right
             weight[down, right] = 1.0 / (squared * np.sqrt(squared))
     has_kind = np.zeros(kinds, np.bool_)
     for kind in range(kinds):

@@ -30,27 +30,19 @@ PANORAMA_PIXEL = 160
 def list_street_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit[StreetInputs]]:
     """List the streets; one that shows no pictured ground depends on nothing, and has nothing to do."""
     digests = latest_chart_digests(read_journal(group, "grounds"))
-    learnt = pictured_ground(run, plan, group)
-    area = np.prod(plan.scene.charts.size, axis=1)
-    units = []
+    learnt, nothing = pictured_ground(run, plan, group), store_charts(run, plan, (), {})
+    scene, units = plan.scene, []
     for index, street in enumerate(plan.streets):
         ground = _ground_of_street(plan, index)
         shown = [chart for chart in ground.tolist() if f"{plan.ids[chart]:016x}" in digests]
-        viewpoints = plan.street_viewpoints(index) if shown else []
-        looks = [plan.view_digests[viewpoint.id] for viewpoint in viewpoints]
-        scene = plan.scene
-        inputs = StreetInputs(
-            street=index,
-            view=view_charts(run, plan, ground.tolist() if shown else (), scene.spacing, scene.visibility_range, *looks)
-            if shown
-            else view_charts(run, plan, ()),
-            pictured=store_charts(run, plan, shown, digests),
-            pictured_ground=learnt if shown else store_charts(run, plan, (), {}),
-            materials=run.materials if shown else (),
-            seed=run.seed if shown else 0,
-        )
-        memory = street_memory(float(area[ground].sum()) if shown else 0)
-        units.append(Unit(index, street.id, inputs, memory))
+        inputs, area = StreetInputs(index, view_charts(run, plan, ()), nothing, nothing, (), 0), 0.0
+        if shown:
+            looks = [plan.view_digests[viewpoint.id] for viewpoint in plan.street_viewpoints(index)]
+            view = view_charts(run, plan, ground.tolist(), scene.spacing, scene.visibility_range, *looks)
+            pictured = store_charts(run, plan, shown, digests)
+            inputs = StreetInputs(index, view, pictured, learnt, run.materials, run.seed)
+            area = float(np.prod(scene.charts.size[ground], axis=1).sum())
+        units.append(Unit(index, street.id, inputs, street_memory(area)))
     return units
 
 
