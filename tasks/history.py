@@ -17,8 +17,8 @@ from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import ChartKind
 from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan
-from facade_core.street.materials.field import MaterialField
 from facade_core.street.continuation import StreetView, blend_street_views
+from facade_core.street.materials.field import MaterialField
 from tasks.engine.stage import is_done_record
 from tasks.stages.shared.materials import rebuild_material_field
 from tasks.stages.shared.street_views import list_stored_views

@@ -2,9 +2,9 @@
 
 The material field gives the detail of ground that no picture shows, and pictures give what they differ by from it: exposure,
 tint, wear. A viewpoint's partially textured panorama holds these differences where a picture shows the ground. Its other ground
-takes the mean of the differences on the same kind of surface in the panorama, weighted by the cube of the inverse distance, so
-that it never lies outside what the pictures show. Where a viewpoint sees no picture of a kind, it goes on from what earlier ones
-decided.
+takes the mean of the differences on the same kind of surface in the panorama, weighted by the cube of the inverse distance,
+so that it never lies outside what the pictures show. Where a viewpoint sees no picture of a kind, it goes on from what earlier
+ones decided.
 
 References
 ----------

@@ -17,13 +17,13 @@ from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.overhead_view import AerialSampler, resample_aerial_to_chart
 from facade_core.geometry.party_walls import find_enclosed_texels
 from facade_core.geometry.scene import Scene
+from facade_core.street.continuation import DecidedDifferences
 from facade_core.street.lighting.contact_shadow import contact_light
 from facade_core.street.lighting.facade_light import relight_facade
 from facade_core.street.lighting.sun import apply_sunlight, sunlight_share
 from facade_core.street.materials.example_fill import fill_by_example
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.materials.settings import EXAMPLE_FILL
-from facade_core.street.continuation import DecidedDifferences
 
 # Margin around a chart that its levelling depends on.
 LEVELLING_MARGIN_M = SEAM_DECAY_M * MAX_SEAM_DECAYS

@@ -94,9 +94,9 @@ def measure_sharpness(options: argparse.Namespace) -> dict[str, Any]:
     """Gradient energy of translated panoramas over that of the painted ones, by viewpoint."""
     from benchmarks.papers.translator import neural_translator
     from benchmarks.papers.translator.scenes import WIDTH, ingolstadt, walk
+    from benchmarks.papers.translator.translators import MaterialFieldTranslator
     from benchmarks.street.truth import interval
     from facade_core.street.materials.field import MaterialField
-    from benchmarks.papers.translator.translators import MaterialFieldTranslator
 
     scene, own, streets = ingolstadt(options.data)
     painter = MaterialFieldTranslator(scene, MaterialField(scene, streets, seed=7))
@@ -144,8 +144,8 @@ def pictures(options: argparse.Namespace) -> dict[str, Any]:
 def _translators(scene: Any, streets: Any) -> dict[str, Any]:
     """No texture, the material field and the pretrained network."""
     from benchmarks.papers.translator import neural_translator
-    from facade_core.street.materials.field import MaterialField
     from benchmarks.papers.translator.translators import MaterialFieldTranslator
+    from facade_core.street.materials.field import MaterialField
 
     painter = MaterialFieldTranslator(scene, MaterialField(scene, streets, seed=7))
     network = neural_translator.NeuralTranslator(neural_translator.load_colour_network(), painter)

@@ -14,12 +14,12 @@ import numpy as np
 
 from benchmarks.papers.translator.colour_grid import NETWORK_HEIGHT, TRAINED_ROWS, apply_colour_grid
 from benchmarks.papers.translator.equirectangular_taps import gather_taps
+from benchmarks.papers.translator.translators import MaterialFieldTranslator
 from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.errors import ModelFileError
 from facade_core.core.model_file import open_inference_session
 from facade_core.street.lighting.sky import add_sky
 from facade_core.street.propagation.render import RenderedPanorama
-from benchmarks.papers.translator.translators import MaterialFieldTranslator
 
 if TYPE_CHECKING:
     from onnxruntime import InferenceSession

@@ -13,6 +13,7 @@ from benchmarks.papers.translator.colour_grid import NETWORK_HEIGHT
 from benchmarks.papers.translator.neural_translator import ColourNetwork, NeuralTranslator
 from benchmarks.papers.translator.scenes import BLENDINGS, Blending, Translate, between, ingolstadt, walk
 from benchmarks.papers.translator.steps import TrainingRecipe, stack_inputs, tensor_to_image
+from benchmarks.papers.translator.translators import MaterialFieldTranslator, Translator
 from benchmarks.street.truth import interval
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
@@ -20,7 +21,6 @@ from facade_core.street.lighting.sky import add_sky
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.propagation.render import RenderedPanorama, render_panorama
 from facade_core.street.propagation.texel_buffer import TexelBuffer
-from benchmarks.papers.translator.translators import MaterialFieldTranslator, Translator
 
 # Budget of each row.
 BUDGET = TrainingRecipe(width=16, steps=300, batch=2, check=300)

@@ -12,24 +12,26 @@ import shapely
 
 from benchmarks.painter.street_truth import synthetic_street
 from benchmarks.papers.translator.crops import PANORAMA_HEIGHT, TrainingRendering
+from benchmarks.papers.translator.translators import MaterialFieldTranslator, paint_bare_pixels
+from facade_core.atlas.rasters import read_rasters
 from facade_core.atlas.store import BRANCH, open_repository, open_root
-from facade_core.core.arrays import UInt8Array
+from facade_core.core.arrays import IntArray, UInt8Array
 from facade_core.core.errors import InputError
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Street
+from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
+from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan
 from facade_core.street.lighting.sky import add_sky
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.propagation.propagate import propagate_panorama
 from facade_core.street.propagation.render import RenderedPanorama, render_panorama
 from facade_core.street.propagation.texel_buffer import TexelBuffer
-from benchmarks.papers.translator.translators import MaterialFieldTranslator, paint_bare_pixels
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.stages.shared.materials import material_field, rebuild_material_field
-from tasks.stages.streets.panoramas import read_base_layer
 
 # Consecutive viewpoints of a sequence of a run's street.
 VIEWPOINTS_PER_SEQUENCE = 4
@@ -110,6 +112,18 @@ def render_run_sequences(run: Path, count: int, *, seed: int) -> Iterator[list[T
         charts = np.unique(np.concatenate([plan.charts_of_viewpoint(v.id) for v in viewpoints]))
         buffers = (read_base_layer(plan, group, charts), read_base_layer(plan, group, charts))
         yield render_sequence(plan.scene, viewpoints, buffers, paint)
+
+
+def read_base_layer(plan: Plan, group: StoreGroup, charts: IntArray) -> TexelBuffer:
+    """Read the base layer of some charts (k,) into a buffer without any view."""
+    scene = plan.scene
+    layout, writable = TexelBuffer.plan_layout(scene.placement, charts[plan.writable[charts]], charts)
+    colour, provenance = (
+        read_rasters(group[f"atlas/{name}"], scene.placement, layout) for name in ("seed", "seed_evidence")
+    )
+    return TexelBuffer.allocate(
+        scene.placement, layout, writable, colour, provenance, visibility_range=scene.visibility_range
+    )
 
 
 def render_sequence(

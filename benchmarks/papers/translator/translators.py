@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Protocol
 
-
 from facade_core.core.arrays import Float64Array, UInt8Array
 from facade_core.export.pictures.preview import pixel_footprint
 from facade_core.geometry.raycast import MISS

@@ -65,8 +65,8 @@ def propagate_panorama(
 
     A texel takes the view if it faces the camera within the visibility range, its pixel shows its surface, and that
     pixel or a neighbour shows its chart. This is exact for planar surfaces up to one pixel and never takes colour from
-    an occluder. Colour is bilinear over the pixels of the texel's surface and kind. The distance is d = |forward . (p - c)|. The
-    result does not depend on the number of threads.
+    an occluder. Colour is bilinear over the pixels of the texel's surface and kind. The distance is
+    d = |forward . (p - c)|. The result does not depend on the number of threads.
 
     Parameters
     ----------

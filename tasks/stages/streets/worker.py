@@ -10,8 +10,8 @@ import numpy as np
 
 from catalogs.readers.pictures.materials import MaterialPicture
 from facade_core.atlas.stored_files import digest_stored_file, street_view_path
-from facade_core.street.materials.field import MaterialField
 from facade_core.street.continuation import StreetView, continue_street
+from facade_core.street.materials.field import MaterialField
 from tasks.engine.atlas import Atlas
 from tasks.engine.context import load_run_plan
 from tasks.engine.inputs import INPUTS_PENDING, SETTINGS_CHANGED, VIEW_CHANGED, input_field

@@ -22,8 +22,8 @@ from facade_core.core.zarr_types import StoreGroup
 from facade_core.facade.wall_material import measure_wall_material
 from facade_core.geometry.chart_packing import ChartPlacements
 from facade_core.plan.plan import Plan
-from facade_core.street.materials.field import MaterialField
 from facade_core.street.continuation import StreetView, blend_street_views
+from facade_core.street.materials.field import MaterialField
 from facade_core.street.surfaces import ChartSunlight, FinishSettings, KnownTexture, finish_chart
 from tasks.engine.atlas import Atlas
 from tasks.engine.context import current_store, load_run_plan

@@ -132,7 +132,7 @@ def test_at_a_tag_or_snapshot(tmp_path: Path) -> None:
     assert (now["atlas/colour"][0, :128, :128] == 9).all()
     for earlier in (now.at("handed over"), now.at(before.snapshot), pickle.loads(pickle.dumps(now)).at("handed over")):
         assert not (earlier["atlas/colour"][0, :128, :128] == 9).all()
-    with pytest.raises(StoreError, match="no tag or snapshot handed on.*handed over"):
+    with pytest.raises(StoreError, match=r"no tag or snapshot handed on.*handed over"):
         now.at("handed on")
     *_, first = repository.ancestry(branch="main")
     with pytest.raises(StoreError, match=f"no tag or snapshot {first.id}"):

@@ -17,7 +17,6 @@ from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
-from facade_core.street.materials.field import MaterialField
 from facade_core.street.continuation import (
     CONTINUATION,
     NO_DIFFERENCE,
@@ -26,6 +25,7 @@ from facade_core.street.continuation import (
     blend_street_views,
     continue_street,
 )
+from facade_core.street.materials.field import MaterialField
 from facade_core.street.surfaces import FinishSettings, KnownTexture, finish_chart
 
 STREET = Street("s", None, shapely.LineString([(-10, -8), (90, -8)]))

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import shapely
 
+from benchmarks.papers.translator.translators import MaterialFieldTranslator
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.errors import GeometryError
 from facade_core.core.provenance import Provenance
@@ -25,7 +26,6 @@ from facade_core.street.materials.field import MaterialField
 from facade_core.street.propagation.propagate import propagate_panorama
 from facade_core.street.propagation.render import render_panorama
 from facade_core.street.propagation.texel_buffer import TexelBuffer
-from benchmarks.papers.translator.translators import MaterialFieldTranslator
 
 STREET = Street("s", None, shapely.LineString([(-10, -8), (50, -8)]))
 BUILDINGS = [

@@ -72,10 +72,10 @@ def street(height, width):
     from facade_core.core.types import Building, Street
     from facade_core.geometry.block_surfaces import build_block_surfaces
     from facade_core.geometry.chart_packing import pack_charts
+    from facade_core.geometry.charts import ChartKind
     from facade_core.geometry.ground.terrain import build_terrain
     from facade_core.geometry.scene import Scene
     from facade_core.geometry.streets import Viewpoint
-    from facade_core.geometry.charts import ChartKind
     from facade_core.street.continuation import continue_street
     from facade_core.street.materials.field import MaterialField
 
