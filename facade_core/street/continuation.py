@@ -46,13 +46,15 @@ class ContinuationSettings:
     texels_per_metre : density at which a street holds differences; these are means over its texels.
     cell_m : side of the cells of which a viewpoint takes means.
     smoothing_m : distance within which cells weigh about the same.
+    prior_cells : known cells that weigh as much as what is known of a kind's surroundings.
     min_shown_share : share of a texel that pictures show, from which on it is known.
     """
 
     panorama_width: int = 512
     texels_per_metre: float = 4.0
     cell_m: float = 2.0
-    smoothing_m: float = 10.0
+    smoothing_m: float = 4.0
+    prior_cells: float = 4.0
     min_shown_share: float = 0.5
 
 
@@ -239,20 +241,14 @@ def _continue_view(
     place = (points[:, :2] - viewpoint.position[:2]) / settings.cell_m + side / 2
     kind = buffer.kinds[texel].astype(np.int64)
     means = _cell_means(panorama.rgb[on], source, kind, place, side)
-    filled = np.empty_like(means)
-    has_kind = _fill_cells(means, (settings.smoothing_m / settings.cell_m) ** 2, filled)
-    decided = has_kind[kind]
-    values = np.empty((len(kind), 3))
+    filled, values = np.empty_like(means), np.empty((len(kind), 3))
+    _fill_cells(means, (settings.smoothing_m / settings.cell_m) ** 2, settings.prior_cells, filled)
     _interpolate(filled, kind, place, values)
     difference = np.full((*panorama.chart.shape, 3), NO_DIFFERENCE, np.uint8)
-    difference[on] = np.where(
-        is_shown[:, None], panorama.rgb[on], np.rint(np.where(decided[:, None], values, NO_DIFFERENCE))
-    ).astype(np.uint8)
-    shown_chart = np.full(panorama.chart.shape, MISS, np.int32)
-    shown_chart[on] = np.where(decided, chart, MISS)
-    shown_kind = np.zeros(panorama.chart.shape, np.uint8)
-    shown_kind[on] = kind
-    return StreetView(viewpoint, difference, shown_chart, shown_kind)
+    difference[on] = np.where(is_shown[:, None], panorama.rgb[on], np.rint(values) + NO_DIFFERENCE).astype(np.uint8)
+    ground, ground_kind = np.full(on.shape, MISS, np.int32), np.zeros(on.shape, np.uint8)
+    ground[on], ground_kind[on] = chart, kind
+    return StreetView(viewpoint, difference, ground, ground_kind)
 
 
 def _cell_means(
@@ -260,16 +256,15 @@ def _cell_means(
 ) -> Float64Array:
     """Return the mean difference (kinds, side, side, 3) in each cell of what is known of each kind; NaN where nothing is.
 
-    Known is what pictures show, or of a kind that none in the panorama shows, what earlier views decided.
+    Known is what pictures show; where the panorama shows none, what earlier views decided.
     """
-    kinds = int(kind.max()) + 1
     is_shown = source == Provenance.PHOTO
-    is_pictured = np.bincount(kind[is_shown], minlength=kinds) > 0
-    is_known = is_shown | ((source > Provenance.UNSEEN) & ~is_pictured[kind])
+    is_known = is_shown if is_shown.any() else source > Provenance.UNSEEN
+    kinds = int(kind.max()) + 1
     cell = np.clip(place[is_known].astype(np.int64), 0, side - 1)
     index = (kind[is_known] * side + cell[:, 1]) * side + cell[:, 0]
     count = np.bincount(index, minlength=kinds * side * side)
-    bands = difference[is_known].T
+    bands = difference[is_known].T - float(NO_DIFFERENCE)
     total = np.stack([np.bincount(index, band, minlength=len(count)) for band in bands], axis=1)
     means = np.full(total.shape, np.nan)
     np.divide(total, count[:, None], out=means, where=count[:, None] > 0)
@@ -277,23 +272,29 @@ def _cell_means(
 
 
 @njit(cache=True)
-def _fill_cells(means: Float64Array, smoothing: float, filled: Float64Array) -> BoolArray:
-    """Fill every cell of each kind from its known cells, in place; returns which kinds have any."""
+def _fill_cells(means: Float64Array, smoothing: float, prior_cells: float, filled: Float64Array) -> None:
+    """Fill every cell of each kind from its known cells and from the mean of all, in place."""
     kinds, side = means.shape[0], means.shape[1]
     weight = np.empty((side, side))
     for down in range(side):
         for right in range(side):
-            squared = smoothing + down * down + right * right
+            squared = 1.0 + (down * down + right * right) / smoothing
             weight[down, right] = 1.0 / (squared * np.sqrt(squared))
-    has_kind = np.zeros(kinds, np.bool_)
+    prior, total = np.zeros(3), prior_cells
     for kind in range(kinds):
-        rows, columns = np.nonzero(~np.isnan(means[kind, :, :, 0]))
-        has_kind[kind] = len(rows) > 0
-        if not has_kind[kind]:
-            continue
         for row in range(side):
             for column in range(side):
-                total, red, green, blue = 0.0, 0.0, 0.0, 0.0
+                if not np.isnan(means[kind, row, column, 0]):
+                    total += 1.0
+                    for band in range(3):
+                        prior[band] += means[kind, row, column, band]
+    prior /= total
+    for kind in range(kinds):
+        rows, columns = np.nonzero(~np.isnan(means[kind, :, :, 0]))
+        for row in range(side):
+            for column in range(side):
+                total = prior_cells
+                red, green, blue = total * prior[0], total * prior[1], total * prior[2]
                 for k in range(len(rows)):
                     share = weight[abs(rows[k] - row), abs(columns[k] - column)]
                     total += share
@@ -303,7 +304,6 @@ def _fill_cells(means: Float64Array, smoothing: float, filled: Float64Array) -> 
                 filled[kind, row, column, 0] = red / total
                 filled[kind, row, column, 1] = green / total
                 filled[kind, row, column, 2] = blue / total
-    return has_kind
 
 
 @njit(cache=True)

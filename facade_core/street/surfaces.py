@@ -108,9 +108,10 @@ def finish_chart(
 ) -> tuple[UInt8Array, UInt8Array]:
     """Compute the final colour and provenance of a chart.
 
-    Untextured texels get their material, with the differences that views decided; untextured ground under the open sky gets the aerial picture. Hidden parts of
-    a wall get one colour, which compresses to nothing. Walls and ground darken near their contact line. With a sun the
-    chart gets its light and shadows. Labels add the shadows of a facade's relief, except on pictures of that facade.
+    Untextured texels get their material, with the differences that views decided; untextured ground under the open sky
+    gets the aerial picture. Hidden parts of a wall get one colour, which compresses to nothing. Walls and ground darken
+    near their contact line. With a sun the chart gets its light and shadows. Labels add the shadows of a facade's
+    relief, except on pictures of that facade.
 
     Parameters
     ----------

@@ -99,34 +99,45 @@ def test_a_picture_at_one_end_decides_the_whole_street(scene: Scene, materials: 
     for x in (15.0, 45.0, 65.0):
         found = decided(scene, materials, views, x)
         assert len(found) > 50
-        assert np.abs(found - 18).max() <= 3
+        assert found.max() <= 20
+        assert found.min() >= 12
 
 
 def test_between_two_pictures_it_goes_from_one_to_the_other(scene: Scene, materials: MaterialField) -> None:
     views = continued(scene, materials, {5.0: 18, 75.0: -18})
     means = [decided(scene, materials, views, x).mean() for x in (30.0, 40.0, 48.0)]
     assert 18 >= means[0] > means[1] > means[2] >= -18
-    assert means[0] > 2 > -2 > means[2]
+    assert means[0] > 1 > -1 > means[2]
 
 
-def test_a_surface_that_no_picture_shows_stays_as_it_is(scene: Scene, materials: MaterialField) -> None:
-    """Only the carriageway is shown: nothing is said of the pavement beside it."""
-    import cv2
-
-    seen = [np.arange(len(scene.charts))] * len(viewpoints())
+def test_what_no_picture_shows_takes_the_tone_that_all_pictures_have_in_common(
+    scene: Scene, materials: MaterialField
+) -> None:
+    """Only the carriageway is shown: pavements take less of its difference, as little is known of them."""
     pictures = shown(scene, materials, {5.0: 18})
     (chart,) = pictures
     kinds = materials.ground_kinds(chart, 0)
-    middle = kinds[kinds.shape[0] // 2, kinds.shape[1] // 2]
-    assert (kinds != middle).any()
-    inner = cv2.erode((kinds == middle).astype(np.uint8), np.ones((5, 5), np.uint8)).astype(bool)
-    pictures[chart] = pictures[chart][0], inner
+    road = kinds[kinds.shape[0] // 2, kinds.shape[1] // 2]
+    pictures[chart] = pictures[chart][0], kinds == road
+    seen = [np.arange(len(scene.charts))] * len(viewpoints())
     views = continue_street(scene, materials, viewpoints(), seen, pictures, SETTINGS)
-    other = ground_at(scene, 45.0)
+    other = ground_at(scene, 15.0)
     made, kinds = blend_street_views(scene, materials, other, list(views.values())), materials.ground_kinds(other, 0)
-    assert (made.views[kinds == middle] > 0).mean() > 0.5
-    assert (kinds != middle).any()
-    assert not made.views[kinds != middle].any()
+    decided_here = made.views > 0
+    on, beside = (made.difference[decided_here & (kinds == kind)].mean() - NO_DIFFERENCE for kind in (road, 0))
+    assert 18.5 >= on > beside > 6
+
+
+def test_little_evidence_changes_little(scene: Scene, materials: MaterialField) -> None:
+    pictures = shown(scene, materials, {5.0: 40})
+    (chart,) = pictures
+    few = np.zeros(pictures[chart][1].shape, bool)
+    few[100:116, 100:116] = True  # two metres
+    pictures[chart] = pictures[chart][0], few
+    seen = [np.arange(len(scene.charts))] * len(viewpoints())
+    views = continue_street(scene, materials, viewpoints(), seen, pictures, SETTINGS)
+    found = decided(scene, materials, views, 45.0)
+    assert 0 <= found.mean() < 20
 
 
 def test_views_are_blended_in_any_order(scene: Scene, materials: MaterialField) -> None:
