@@ -39,7 +39,8 @@ def published_again(run: Run, block: Path) -> str:
     session = repository.writable_session(BRANCH)  # the snapshot before the newest is never expired
     zarr.open_group(session.store).attrs["ingested"] = 1.0
     commit(session, "of now")
-    publish_block.fn(run, block)
+    with current_snapshot(Path(run.out)).hold_for_reading():  # so that publishing leaves the history
+        publish_block.fn(run, block)
     return current_snapshot(Path(run.out)).id
 
 
