@@ -132,13 +132,13 @@ def test_what_is_stale_has_not_failed(undisturbed: tuple[Path, dict[str, Any]], 
     group = zarr.open_group(session.store)
     record = read_journal(group, "streets")[0]
     assert record is not None
-    write_record(group, "streets", 0, record | {"status": "stale", "reason": "another was done again"})
+    write_record(group, "streets", 0, record | {"status": "stale", "reason": "visible surfaces changed"})
     commit(session, "a street that is out of date")
     said = RunReader(tmp_path).open_newest().run_progress()
     streets = next(stage for stage in said["stages"] if stage["name"] == "streets")
     assert (streets["done"], streets["failed"], streets["stale"]) == (streets["total"] - 1, 0, 1)
     assert said["failures"] == []
-    assert said["stale"] == [{"stage": "streets", "unit": record["unit"], "reason": "another was done again"}]
+    assert said["stale"] == [{"stage": "streets", "unit": record["unit"], "reason": "visible surfaces changed"}]
 
 
 def test_one_run_in_a_folder_is_opened(undisturbed: tuple[Path, dict[str, Any]]) -> None:
