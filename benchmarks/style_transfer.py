@@ -31,13 +31,13 @@ from sklearn.preprocessing import StandardScaler
 from benchmarks.city.runs import run
 from benchmarks.look.outputs import Output, read_output
 from benchmarks.look.views import EYE_M, FIELD_OF_VIEW, PITCH, SIZE, TURNED, View, render, street_cameras
+from benchmarks.papers.translator.kernel_distance import image_features
 from catalogs.examples.sources import EXAMPLE_BLOCKS_FOLDER
 from facade_core.export.pictures.camera import PerspectiveCamera
 from facade_core.facade.texture.scale import exemplar_scale
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.raycast import MISS
 from training.datasets.facades import CMP, ECP, DatasetRecipe, LabelledFacade, read_dataset
-from training.translator.kernel_distance import image_features
 
 CITIES: tuple[DatasetRecipe, DatasetRecipe] = (ECP, CMP)
 # Cut of Delfshaven, degrees: west, south, east, north.

@@ -15,6 +15,13 @@ from tasks.engine.stage_code import CODE_PACKAGES, ROOT
 MEASURED = (*CODE_PACKAGES, "flows", "training", "benchmarks")
 COMMANDS = ("streetloom bench ", "python -m benchmarks.")
 WHOLE = "flows.__main__"
+# Data files that modules of benchmarks load, as DATA_FILES names those of a run.
+BENCHMARK_DATA_FILES = {
+    "benchmarks.papers.translator.neural_translator": (
+        "benchmarks/papers/translator/models/translator.json",
+        "benchmarks/papers/translator/models/translator.onnx",
+    ),
+}
 
 
 def code_of(command: str, root: Path = ROOT) -> dict[str, str]:
@@ -25,11 +32,12 @@ def code_of(command: str, root: Path = ROOT) -> dict[str, str]:
     found = collect_modules(_starts(command, root), (), root, MEASURED)
     while more := {name for module in found.values() for name in _named(module.path, root)} - found.keys():
         found = collect_modules([*found, *more], (), root, MEASURED)
+    data_files = {**DATA_FILES, **BENCHMARK_DATA_FILES}
     digests: dict[str, blake2b] = {}
     for name in sorted(found):
         digest = digests.setdefault(".".join(name.split(".")[:2]), blake2b(digest_size=4))
         digest.update(f"{name} {found[name].digest}\n".encode())
-        for path in sorted(root / file for file in DATA_FILES.get(name, ())):
+        for path in sorted(root / file for file in data_files.get(name, ())):
             digest.update(f"{path.relative_to(root).as_posix()}\n".encode() + bytes.fromhex(content_digest(path)))
     return {room: digest.hexdigest() for room, digest in digests.items()}
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from training.translator.kernel_distance import load_feature_network
+from benchmarks.papers.translator.kernel_distance import load_feature_network
 
 if TYPE_CHECKING:
     import torch

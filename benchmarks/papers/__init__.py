@@ -7,4 +7,6 @@ Each has a test against the paper's definition in tests/benchmarks/papers/, and 
 - tiles paper: `tile_inpainting` (section 4.3), and `tile_search` (Algo. 2 written out). Rows `inpainting`, `synthesis`.
 - floors paper (Konushin & Vezhnevets 2007): `clone_and_split` and `floor_pitch` (section 3). Row `inpainting`.
 - variation paper (AlSisan & Mitra 2012): `variation_codec` (section 4). Row `variation`.
+- street paper: `translator`, the translation network of section 3 with its training (section 4) and its benchmark
+  (`python -m benchmarks.papers.translator`). Row `translator`.
 """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 import shapely
 
 from facade_core.core.atlas_spec import AtlasSpec
+from facade_core.core.provenance import Provenance
 from facade_core.core.types import Building, Street
 from facade_core.geometry.block_surfaces import build_block_surfaces
 from facade_core.geometry.chart_packing import pack_charts
@@ -16,15 +18,19 @@ from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint, place_viewpoints
+from facade_core.street.materials.field import MaterialField
 from facade_core.street.propagation.blend import blend_views
 from facade_core.street.propagation.propagate import propagate_panorama
 from facade_core.street.propagation.texel_buffer import TexelBuffer
+from facade_core.street.surfaces import FinishSettings, KnownTexture, finish_chart
 
 TEXELS_PER_METRE, WIDTH = 20.0, 1024
 LENGTH_M, HEIGHT_M, PIECE_M = 64.0, 14.0, 16.0
 # Exposure of each panorama, as a factor.
 EXPOSURE = (0.85, 1.15)
 KIOSK_COLOUR = (255, 0, 0)
+# Exposure of the panoramas beside photos.
+DARKER = 0.8
 
 
 def measure(images: Path) -> dict[str, Any]:
@@ -50,6 +56,57 @@ def measure(images: Path) -> dict[str, Any]:
         result[name]["bleed_through_texels"] = int(sum(_red(colour).sum() for colour in colours))
         if taken:
             result[name]["taken_within_a_pixel_behind_an_edge"] = round(hidden / taken, 5)
+    result["beside_photos"] = _beside_photos(scene, own, pieces, truth)
+    return result
+
+
+def _beside_photos(
+    scene: Scene, own: list[Viewpoint], pieces: list[int], truth: np.ndarray
+) -> dict[str, dict[str, float]]:
+    """One piece of the wall and half of another are photos in the truth's colours, the rest is translated from panoramas of
+    another exposure: steps of colour over those beside them, at the charts' borders and at the photo's border within a chart,
+    without levelling, with levelling within each chart, and across charts."""
+    charts, placement = scene.charts, scene.placement
+    rasters, write = TexelBuffer.plan_layout(placement, range(len(charts)), [])
+    seed, evidence = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
+    for piece, share in ((pieces[1], 1.0), (pieces[3], 0.5)):
+        shape = (int(placement.height[piece]), int(placement.width[piece]))
+        left = round(float(charts.origin[piece, 0]) * TEXELS_PER_METRE)
+        photo = np.zeros((*shape, 3), np.uint8)
+        part = truth[: shape[0], left : left + shape[1]]
+        photo[: part.shape[0], : part.shape[1]] = part
+        known = np.zeros(shape, np.uint8)
+        known[:, round((1 - share) * shape[1]) :] = Provenance.PHOTO
+        texels = rasters.texel_slice(placement, piece)
+        seed[texels], evidence[texels] = photo.reshape(-1, 3), known.reshape(-1)
+    window = TexelBuffer.allocate(placement, rasters, write, seed, evidence)
+    for viewpoint in own:
+        rgb, seen = _look(scene, viewpoint, pieces, truth, DARKER)
+        propagate_panorama(scene, window, viewpoint, rgb, charts_seen=seen)
+    apart = replace(scene, charts=replace(charts, surface=np.arange(len(charts), dtype=np.int32)))
+
+    def read(chart: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
+        texels, shape = (
+            rasters.texel_slice(placement, chart),
+            (int(placement.height[chart]), int(placement.width[chart])),
+        )
+        colour, provenance = window.colour[texels].reshape(*shape, 3), window.provenance[texels].reshape(shape)
+        return colour[rows, columns], provenance[rows, columns]
+
+    materials, around = MaterialField(scene, [_street()], seed=7), KnownTexture(read, pieces)
+    result = {}
+    for name, where, levelling in (
+        ("without", scene, False),
+        ("within each chart", apart, True),
+        ("across charts", scene, True),
+    ):
+        settings = FinishSettings(levelling=levelling)
+        colours = [finish_chart(where, materials, p, around, settings)[0] for p in pieces]
+        middle = colours[3].shape[1] // 2
+        result[name] = {
+            "at_chart_borders": round(_seam(colours[:3]), 2),
+            "within_a_chart": round(_seam([colours[3][:, :middle], colours[3][:, middle:]]), 2),
+        }
     return result
 
 

@@ -69,7 +69,6 @@ def model_file_digests(models: TrainedModelFiles) -> list[list[str]]:
     single = {
         "parser": TrainedModelFiles(parser=models.parser),
         "layout": TrainedModelFiles(layout=models.layout),
-        "translator": TrainedModelFiles(translator=models.translator),
     }
     return [[name, *map(file_digest, model.files)] for name, model in single.items() if model.files]
 

@@ -146,14 +146,7 @@ class TextureSettings:
     ] = 40.0
     walls: Annotated[
         Literal["exemplar", "translate"],
-        Key("Walls without imagery: from an exemplar, or left to the translator.", effect=Effect.PLAN),
-    ] = "exemplar"
-    translator: Annotated[
-        Literal["exemplar", "neural"],
-        Key(
-            "Translator of untextured surfaces: material fields, or these with the colours that a network predicts.",
-            effect=Effect.UNITS,
-        ),
+        Key("Walls without imagery: from an exemplar, or left to the street stage.", effect=Effect.PLAN),
     ] = "exemplar"
     panorama_width: Annotated[
         int,
@@ -428,13 +421,6 @@ class ModelsSection(Section):
         Key("An .onnx with its .json in the same folder: parser of pictures and exemplars.", path=PathKind.FILE),
     ] = None
     layout: Annotated[Text | None, Key("A .json: completion of partly hidden facades.", path=PathKind.FILE)] = None
-    translator: Annotated[
-        Text | None,
-        Key(
-            "An .onnx with its .json in the same folder: colours of streets, with `translator: neural`.",
-            path=PathKind.FILE,
-        ),
-    ] = None
 
 
 class PartSection(Section):

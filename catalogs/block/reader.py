@@ -155,10 +155,6 @@ def build_block(keys: BlockFileSettings, file: BlockFileErrorContext) -> Block:
         files = resolve_paths(keys, file.path)
     except ValueError as error:
         raise BlockFileError(hide_variable_values(f"{file.path}: {error}", file.path)) from error
-    if keys.models.translator and keys.texture.translator != "neural":
-        raise file.make_error(
-            "models.translator", "is used with texture.translator: neural only; set that, or remove it"
-        )
     if keys.part is not None:
         return _read_part(keys, files, file)
     pictures = _read_pictures(keys, files, file)
@@ -332,7 +328,7 @@ def _read_materials(files: NamedFiles, file: BlockFileErrorContext) -> tuple[Mat
 
 
 def _model_files(files: NamedFiles) -> TrainedModelFiles:
-    named = ((files.get(f"models.{name}") or (None,))[0] for name in ("parser", "layout", "translator"))
+    named = ((files.get(f"models.{name}") or (None,))[0] for name in ("parser", "layout"))
     return TrainedModelFiles(*(path and path.absolute() for path in named))
 
 

@@ -232,7 +232,7 @@ COLUMNS = (
         provenance_share(Provenance.SYNTHESISED),
     ),
     ItemColumn(
-        "translated", NUMBER, SHARE, "By the translator", "Share of texels from the street translator",
+        "translated", NUMBER, SHARE, "By the street stage", "Share of texels that the street stage painted",
         provenance_share(Provenance.TRANSLATED),
     ),
     _recorded("source", TEXT, "", "Texture source", "Pictures or exemplar that the texture comes from"),

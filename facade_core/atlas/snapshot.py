@@ -77,7 +77,7 @@ class Atlas:
 
         Parameters
         ----------
-        snapshot : id or tag; the end of each street has a tag.
+        snapshot : id or tag.
 
         Raises
         ------

@@ -263,18 +263,16 @@ LAYOUT_NETWORK_NAME = "layout_network.onnx"
 
 @dataclass(frozen=True, slots=True)
 class TrainedModelFiles:
-    """Files of the trained parser, layout model and translator; None selects the shipped one.
+    """Files of the trained parser and layout model; None selects the shipped one.
 
     Attributes
     ----------
     parser : an .onnx file, with a .json record of the same name.
     layout : a .json file of layouts, with or without a layout network beside it.
-    translator : an .onnx file, with a .json record of the same name.
     """
 
     parser: Path | None = None
     layout: Path | None = None
-    translator: Path | None = None
 
     @property
     def layout_network(self) -> Path | None:
@@ -286,13 +284,12 @@ class TrainedModelFiles:
     def files(self) -> tuple[Path, ...]:
         """Return all files that are set."""
         layout = () if self.layout is None else (self.layout,)
-        networks = [path for path in (self.parser, self.layout_network, self.translator) if path is not None]
+        networks = [path for path in (self.parser, self.layout_network) if path is not None]
         return (*(file for path in networks for file in (path, path.with_suffix(".json"))), *layout)
 
     def digest_content(self) -> tuple[tuple[Path, ...], ...]:
         """Return the files of each model."""
-        single = (TrainedModelFiles(self.parser), TrainedModelFiles(None, self.layout))
-        return (*(one.files for one in single), TrainedModelFiles(translator=self.translator).files)
+        return TrainedModelFiles(self.parser).files, TrainedModelFiles(None, self.layout).files
 
 
 SHIPPED_MODELS = TrainedModelFiles()

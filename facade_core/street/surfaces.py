@@ -23,7 +23,7 @@ from facade_core.street.lighting.sun import apply_sunlight, sunlight_share
 from facade_core.street.materials.example_fill import fill_by_example
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.materials.settings import EXAMPLE_FILL
-from facade_core.street.propagation.continuation import DecidedDifferences
+from facade_core.street.continuation import DecidedDifferences
 
 # Margin around a chart that its levelling depends on.
 LEVELLING_MARGIN_M = SEAM_DECAY_M * MAX_SEAM_DECAYS

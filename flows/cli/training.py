@@ -45,7 +45,6 @@ def train() -> None:
     Examples:
       streetloom train parser --data ../shared/data --out parser/
       streetloom train parser --corrections out/mine --out mine/
-      streetloom train translator --style my-city/ --from out/mine --out mine/
     """
 
 
@@ -155,56 +154,6 @@ def train_window_types(data: Path, out: Path) -> list[Path]:
     from training.windows import train_window_metric
 
     return [train_window_metric(data, out)]
-
-
-@train.command("translator")
-@click.option(
-    "--style",
-    type=EXISTING_FOLDER,
-    multiple=True,
-    required=True,
-    metavar="PICTURES",
-    help="Folder of a city's street photos and panoramas (twice as wide as high).",
-)
-@click.option(
-    "--from", "runs", type=EXISTING_FOLDER, multiple=True, metavar="OUT", help="Run whose streets are rendered."
-)
-@click.option(
-    "--judge-by", multiple=True, help="Name prefix of pictures that rank checkpoints; default: the last fifth."
-)
-@click.option("--leave-out", multiple=True, help="Name prefix of pictures to exclude.")
-@click.option("--out", type=FOLDER, required=True, help="Folder of translator.onnx, its .json and the training state.")
-@click.option("--steps", type=click.IntRange(1), help="Number of steps, instead of the recipe's.")
-@click.option("--seed", default=0, show_default=True, help="0 for the shipped network.")
-def train_translation_network(
-    style: tuple[Path, ...],
-    runs: tuple[Path, ...],
-    judge_by: tuple[str, ...],
-    leave_out: tuple[str, ...],
-    out: Path,
-    steps: int | None,
-    seed: int,
-) -> list[Path]:
-    """Train the network that gives painted streets the colours of a city's pictures (extra: train; `make train-setup`).
-
-    Renders procedural streets and those of runs. Stores a picture of every checkpoint in OUT and exports the best one.
-    Resumes from the last checkpoint. A block file selects the result by `texture: {translator: neural}` and
-    `models: {translator: OUT/translator.onnx}`.
-
-    \b
-    Examples:
-      streetloom train translator --style my-city/ --out translator/
-      streetloom train translator --style my-city/ --from out/mine --out translator/
-      streetloom train translator --style my-city/ --judge-by market_ --leave-out night_ --out translator/
-    """
-    from dataclasses import replace
-
-    from training.translator.network_training import RECIPE
-    from training.translator.train import PictureSplitPrefixes, train_translator
-
-    recipe = RECIPE if steps is None else replace(RECIPE, steps=steps)
-    split = PictureSplitPrefixes(judge_by, leave_out)
-    return [train_translator(style, runs, out, seed=seed, recipe=recipe, split=split)]
 
 
 def _is_installed(module: str) -> bool:

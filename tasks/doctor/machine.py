@@ -100,14 +100,12 @@ def _shipped_models() -> dict[Path, Callable[[Path], object]]:
     from facade_core.facade.layout.network.windows import load_layout_network
     from facade_core.facade.variation import window_types
     from facade_core.parsing import network
-    from facade_core.street.translator import neural_translator
 
     return {
         network.SHIPPED_NETWORK: network.load_network,
         layouts.SHIPPED_LAYOUT_MODEL: layouts.load_layout_model,
         layouts.SHIPPED_LAYOUT_NETWORK: load_layout_network,
         window_types.SHIPPED_WINDOW_METRIC: window_types.load_window_metric,
-        neural_translator.SHIPPED_TRANSLATOR: neural_translator.load_colour_network,
     }
 
 

@@ -29,10 +29,6 @@ DATA_FILES: Mapping[str, tuple[str, ...]] = {
         "facade_core/street/materials/models/materials.json",
         "facade_core/street/materials/models/materials.npz",
     ),
-    "facade_core.street.translator.neural_translator": (
-        "facade_core/street/translator/models/translator.json",
-        "facade_core/street/translator/models/translator.onnx",
-    ),
 }
 # Files and folders that no stage of a run loads.
 NOT_LOADED_BY_STAGES = (

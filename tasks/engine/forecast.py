@@ -88,8 +88,10 @@ def describe_rejected_inputs(set_aside: Iterable[Sequence[str]]) -> list[str]:
 
 
 def _has_earlier_run(group: StoreGroup) -> bool:
-    """Return whether streets were reached: less is resumed, not done again."""
-    return any(read_journal(group, "streets"))
+    """Return whether a stage after the base layer was reached: less is resumed, not done again."""
+    stages = all_stages()
+    first = 1 + max(index for index, stage in enumerate(stages) if stage.writes_base_layer)
+    return any(any(read_journal(group, stage.stage)) for stage in stages[first:])
 
 
 def _line(total: int, noun: str, pending: Mapping[int, str]) -> str | None:

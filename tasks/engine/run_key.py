@@ -54,13 +54,11 @@ def _check_models(models: TrainedModelFiles) -> TrainedModelFiles:
     from facade_core.facade.layout import model as layouts
     from facade_core.parsing.confidence import load_calibration
     from facade_core.parsing.segmenter import load_segmenter
-    from facade_core.street.translator.neural_translator import load_colour_network
 
     named = (
         ("parser", models.parser, load_segmenter),
         ("parser", models.parser, load_calibration),
         ("layout", models.layout, layouts.load_layout_model),
-        ("translator", models.translator, load_colour_network),
     )
     for name, path, opens in named:
         try:

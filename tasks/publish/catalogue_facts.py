@@ -21,7 +21,6 @@ from facade_core.facade.layout.model import SHIPPED_LAYOUT_MODEL as LAYOUTS
 from facade_core.facade.layout.model import SHIPPED_LAYOUT_NETWORK
 from facade_core.parsing.network import SHIPPED_NETWORK as NETWORK
 from facade_core.plan.plan import Plan
-from facade_core.street.translator.neural_translator import SHIPPED_TRANSLATOR as TRANSLATOR
 from tasks.engine.run import Run
 from tasks.engine.stage import stored_files
 from tasks.publish.item_rows import ItemRows, record_finish_time
@@ -78,16 +77,6 @@ FACADE_MODELS = (
         "facade layout network",
         {"layouts/cmp.jsonl": "CC BY-SA", "plans of painted facades": "Apache-2.0"},
     ),
-)
-STREET_MODEL = CataloguedModel(
-    TRANSLATOR,
-    "street translator",
-    {
-        "Panoramax, Strasbourg": "Licence Ouverte / CC BY-SA",
-        "Amsterdam's panoramas": "open data of the city",
-        "Swiss street photos": "CC BY 4.0",
-        "renderings of Delfshaven": "open data of Rotterdam, ECP facades (MIT)",
-    },
 )
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TypedDict, cast
 
-from facade_core.atlas.journal import Record
 from facade_core.core.zarr_types import StoreGroup
 from tasks.engine.stage import read_journals
 from tasks.stages.bundles.record import BundleRecord
@@ -14,6 +13,7 @@ from tasks.stages.grounds.record import GroundRecord
 from tasks.stages.pages.record import PageRecord
 from tasks.stages.pictures.record import ReportPictureRecord
 from tasks.stages.poses.record import PoseRecord
+from tasks.stages.streets.record import StreetRecord
 from tasks.stages.surfaces.record import SurfaceColourRecord
 from tasks.stages.textures.record import TexturedBuildingRecord
 from tasks.stages.tiles.record import TileRecord
@@ -30,7 +30,7 @@ class Journals(TypedDict):
     grounds: list[GroundRecord | None]
     walls: list[WallsAndRoofsRecord | None]
     facades: list[FacadeRecord | None]
-    streets: list[Record | None]
+    streets: list[StreetRecord | None]
     surfaces: list[SurfaceColourRecord | None]
     pages: list[PageRecord | None]
     tiles: list[TileRecord | None]

@@ -68,7 +68,7 @@ def test_training_is_a_package_of_its_own(installed: Path, tmp_path: Path) -> No
     shutil.copytree(install(ROOT / "training", tmp_path / "wheel"), tmp_path / "site", dirs_exist_ok=True)
     present = run(tmp_path / "site", *command, without_clone=True)
     assert "give --data a folder with materials/" in present.stderr, present.stderr
-    parts = ", ".join(f"training.{name}" for name in ("layout.train", "parser.train", "translator.train", "windows"))
+    parts = ", ".join(f"training.{name}" for name in ("layout.train", "parser.train", "windows"))
     imported = run(tmp_path / "site", "-c", f"import {parts}", without_clone=True)
     assert imported.returncode == 0, imported.stderr
     bench = run(tmp_path / "site", "-m", "flows", "bench", without_clone=True)

@@ -135,10 +135,10 @@ def test_pictures_of_a_wall_go_on_where_none_shows_it(end: Seen) -> None:
         "s", None, shapely.LineString([end.street.world_point(0, 0), end.street.world_point(end.street.length, 0)])
     )
     materials = MaterialField(scene, (street,), seed=1)
-    colour, rank = finish_chart(scene, materials, chart, KnownTexture(read, {chart}, (), {chart}))
+    colour, rank = finish_chart(scene, materials, chart, KnownTexture(read, {chart}, {chart}))
     assert (rank[~shown] == Provenance.INPAINTED).all()
     np.testing.assert_array_equal(colour[shown], wall[shown])
-    levelled, before = finish_chart(scene, materials, chart, KnownTexture(read, {chart}, ()))
+    levelled, before = finish_chart(scene, materials, chart, KnownTexture(read, {chart}))
     assert (before[~shown] < Provenance.INPAINTED).all()
     off, plain = (np.abs(one[~shown].mean(axis=0) - wall[~shown].mean(axis=0)).mean() for one in (colour, levelled))
     assert off < plain

@@ -83,21 +83,6 @@ def test_a_building_raised_is_new_and_only_those_who_see_it_look_at_something_el
     assert looks(raised)["2"] == looks(before)["2"]
 
 
-def test_what_a_viewpoint_paints_depends_on_no_wall_that_is_a_facade() -> None:
-    """A house at a street grows: all see its front, and none what streets paint of it or the sky behind."""
-    street = [Street("1", None, shapely.LineString([(EAST, NORTH), (EAST + 200, NORTH)]))]
-    houses = [house(f"h{number}", EAST + 20 * number, NORTH + 8) for number in range(10)]
-    before = plan(houses, street)
-    higher = plan([*houses[:9], replace(houses[9], height=9.0)], street)
-    changed = [one != other for one, other in zip(before.view_digests, higher.view_digests, strict=True)]
-    painted = [one != other for one, other in zip(before.painted_digests, higher.painted_digests, strict=True)]
-    assert sum(painted) < sum(changed) <= len(changed)
-    east = [viewpoint.position[0] - EAST for viewpoint in before.viewpoints]
-    assert min(x for x, other in zip(east, painted, strict=True) if other) > 120, (
-        "only those near see lit ground change"
-    )
-
-
 def test_order_and_far_away_neighbours_do_not_matter(before: Plan) -> None:
     more = plan([house("0", EAST - 900, NORTH + 700), *reversed(HOUSES)], list(reversed(STREETS)))
     for name in "abc":

@@ -6,11 +6,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from facade_core.core.arrays import UInt8Array
+from facade_core.core.arrays import Float64Array, UInt8Array
 from facade_core.export.pictures.rendering import PictureInProgress, average_samples
 from facade_core.export.pictures.settings import VIEW_SETTINGS, ViewSettings
 from facade_core.street.materials.field import MaterialField
-from facade_core.street.translator.translators import pixel_footprint
+
+# Lower bound of the cosine of incidence, for footprints near the horizon.
+MIN_VIEW_COSINE = 0.02
 
 
 def draw_preview(
@@ -35,3 +37,22 @@ def draw_preview(
     flat[picture.pixel] = materials.colour(picture.chart, picture.camera.position + rays, covered)
     picture.paint(facades)
     return average_samples(picture.apply_haze(), settings.samples_per_pixel_side)
+
+
+def pixel_footprint(ray: Float64Array, normal: Float64Array, width: int) -> Float64Array:
+    """Compute the footprint of panorama pixels on surfaces.
+
+    Parameters
+    ----------
+    ray : (n, 3) from the viewpoint to the surface, metres.
+    normal : (n, 3) or (3,) unit normals.
+    width : width of the panorama, pixels.
+
+    Returns
+    -------
+    (n,) side of a square of equal area, metres.
+    """
+    depth = np.maximum(np.linalg.norm(ray, axis=1), 1e-6)
+    flat = np.abs((ray * normal).sum(axis=1)) / depth
+    footprint: Float64Array = depth * (2 * np.pi / width) / np.sqrt(np.maximum(flat, MIN_VIEW_COSINE))
+    return footprint

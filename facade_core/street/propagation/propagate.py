@@ -40,6 +40,7 @@ class TranslatedPanorama(NamedTuple):
     camera : (3, 3) rotation.
     rgb : (h, w, 3) uint8 colour.
     surface : (h, w) surface per pixel, -1 for none.
+    kinds : (h, w) uint8 kind of surface per pixel.
     """
 
     id: int
@@ -47,6 +48,7 @@ class TranslatedPanorama(NamedTuple):
     camera: Float64Array
     rgb: UInt8Array
     surface: Int32Array
+    kinds: UInt8Array
 
 
 def propagate_panorama(
@@ -56,13 +58,14 @@ def propagate_panorama(
     rgb: UInt8Array,
     *,
     charts_seen: Int32Array | None = None,
+    kinds: UInt8Array | None = None,
     threads: int = 1,
 ) -> None:
     """Blend a translated panorama into the buffer's writable charts, in place.
 
     A texel takes the view if it faces the camera within the visibility range, its pixel shows its surface, and that
     pixel or a neighbour shows its chart. This is exact for planar surfaces up to one pixel and never takes colour from
-    an occluder. Colour is bilinear over the pixels of the texel's surface. The distance is d = |forward . (p - c)|. The
+    an occluder. Colour is bilinear over the pixels of the texel's surface and kind. The distance is d = |forward . (p - c)|. The
     result does not depend on the number of threads.
 
     Parameters
@@ -72,6 +75,7 @@ def propagate_panorama(
     viewpoint : position and direction of the panorama.
     rgb : (h, w, 3) uint8 translated panorama.
     charts_seen : (h, w) int32 chart index per pixel, -1 where the sky is seen; computed if None.
+    kinds : (h, w) uint8 kind of surface per pixel; one kind if None.
     threads : number of threads.
 
     Raises
@@ -90,10 +94,11 @@ def propagate_panorama(
             "give TexelBuffer.allocate the scene's visibility_range"
         )
     facing, surface, camera, marked = _facing_charts(scene, buffer, viewpoint, visible, charts_seen)
-    view = TranslatedPanorama(viewpoint.id, round(1000 * (GATE_SPACINGS * scene.spacing)), camera, rgb, surface)
+    kinds = np.zeros(surface.shape, np.uint8) if kinds is None else kinds
+    view = TranslatedPanorama(viewpoint.id, round(1000 * (GATE_SPACINGS * scene.spacing)), camera, rgb, surface, kinds)
 
     def blend_part(first: int) -> None:
-        _blend_tiles(buffer.state, buffer.colour, buffer.provenance, facing, view, marked, first, threads)
+        _blend_tiles(buffer.state, buffer.colour, buffer.provenance, buffer.kinds, facing, view, marked, first, threads)
 
     if threads == 1:
         blend_part(0)
@@ -177,11 +182,19 @@ def _project_row(
         row_at[i] = (0.5 + _fast_atan2(down, np.sqrt(flat)) * (1.0 / np.pi)) * rows
 
 
+@njit(cache=True, inline="always")
+def _shows(surface: Int32Array, kinds: UInt8Array, row: int, column: int, own: int, kind: int) -> bool:
+    """Return True if a pixel shows a surface and a kind of it."""
+    shows: bool = surface[row, column] == own and kinds[row, column] == kind
+    return shows
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def _blend_tiles(
     state: BlendState,
     resolved: UInt8Array,
     provenance: UInt8Array,
+    kinds: UInt8Array,
     charts: FacingCharts,
     view: TranslatedPanorama,
     marked: BoolArray,
@@ -189,7 +202,7 @@ def _blend_tiles(
     parts: int,
 ) -> None:
     """Blend every parts-th marked tile from the part-th on; tiles share no texel."""
-    rgb, surface, gate, camera = view.rgb, view.surface, view.gate, view.camera
+    rgb, surface, kinds_at, gate, camera = view.rgb, view.surface, view.kinds, view.gate, view.camera
     rows, columns = surface.shape
     origin, axis_u, axis_v, farthest = charts.origin, charts.axis_u, charts.axis_v, charts.farthest
     width, height, surface_ids, offset = charts.width, charts.height, charts.surface, charts.offset
@@ -238,7 +251,8 @@ def _blend_tiles(
                         row, column = min(int(row_at), rows - 1), int(column_at)
                         if column >= columns:
                             column = 0
-                        if surface[row, column] != surface_ids[c]:
+                        own, kind = surface_ids[c], kinds[t]
+                        if not _shows(surface, kinds_at, row, column, own, kind):
                             continue
                         u0, v0 = int(column_at + 0.5) - 1, int(row_at + 0.5) - 1
                         across, below = column_at - 0.5 - u0, row_at - 0.5 - v0
@@ -246,10 +260,10 @@ def _blend_tiles(
                         right_at = u0 + 1 if u0 + 1 < columns else 0
                         above_at, below_at = max(v0, 0), min(v0 + 1, rows - 1)
                         # bilinear weights; pixels of other surfaces have none
-                        w00 = (1 - across) * (1 - below) if surface[above_at, left_at] == surface_ids[c] else 0.0
-                        w01 = across * (1 - below) if surface[above_at, right_at] == surface_ids[c] else 0.0
-                        w10 = (1 - across) * below if surface[below_at, left_at] == surface_ids[c] else 0.0
-                        w11 = across * below if surface[below_at, right_at] == surface_ids[c] else 0.0
+                        w00 = (1 - across) * (1 - below) * _shows(surface, kinds_at, above_at, left_at, own, kind)
+                        w01 = across * (1 - below) * _shows(surface, kinds_at, above_at, right_at, own, kind)
+                        w10 = (1 - across) * below * _shows(surface, kinds_at, below_at, left_at, own, kind)
+                        w11 = across * below * _shows(surface, kinds_at, below_at, right_at, own, kind)
                         total = w00 + w01 + w10 + w11
                         if total <= 0:
                             continue

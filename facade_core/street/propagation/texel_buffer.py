@@ -27,6 +27,7 @@ class TexelBuffer:
     colour : (t, 3) uint8; the base layer where it has evidence, else Eq. 1 of the views; black before the first view.
     provenance : (t,) uint8; UNSEEN before the first view.
     state : blend state of the writable texels.
+    kinds : (t,) uint8 kind of surface: a texel takes pixels of its own kind alone.
     """
 
     layout: TexelLayout
@@ -34,6 +35,7 @@ class TexelBuffer:
     colour: UInt8Array
     provenance: UInt8Array
     state: BlendState
+    kinds: UInt8Array
 
     @staticmethod
     def plan_layout(
@@ -57,6 +59,7 @@ class TexelBuffer:
         base_provenance: UInt8Array,
         *,
         visibility_range: float = 40.0,
+        kinds: UInt8Array | None = None,
     ) -> TexelBuffer:
         """Allocate a buffer without views.
 
@@ -68,8 +71,10 @@ class TexelBuffer:
         base_colour : (t, 3) colour of the base layer.
         base_provenance : (t,) provenance of the base layer.
         visibility_range : of the scene whose views the buffer takes, metres.
+        kinds : (t,) kind of surface; one kind if None.
         """
         total = int((placement.width[writable].astype(np.int64) * placement.height[writable]).sum())
         state = BlendState.allocate(total, max_distance_mm=round(1000 * visibility_range))
         colour = np.where((base_provenance > Provenance.UNSEEN)[:, None], base_colour, np.uint8(0))
-        return cls(rasters, writable, colour, base_provenance.copy(), state)
+        one_kind = np.zeros(rasters.total, np.uint8)
+        return cls(rasters, writable, colour, base_provenance.copy(), state, one_kind if kinds is None else kinds)

@@ -106,7 +106,7 @@ def facade_inputs(run: Run, plan: Plan, facade: int, imagery: FacadeImagery, tex
         view=view_charts(run, plan, [chart], table.id[facade], shape, size, position),
         between=SceneView(run, (chart,), tuple(tuple(object_digests_between(plan, [chart], pose)) for pose in poses)),
         house_view=SceneView(run, (chart,), (*house, *plan.scene_objects.digests_in_box(low - joint, high + joint))),
-        models=replace(run.models, translator=None),
+        models=run.models,
         walls=run.texture.walls,
         privacy=run.privacy,
         seed=unit_seed(run, table.id[facade], FACADE_SEED),

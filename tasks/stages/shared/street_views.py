@@ -12,7 +12,7 @@ from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.streets import Viewpoint
 from facade_core.plan.plan import Plan
-from facade_core.street.propagation.continuation import StreetView
+from facade_core.street.continuation import StreetView
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class StoredView:
         StoreError : it is missing, or not as it was written.
         """
         data = read_verified_array(group, self.path, self.digest)
-        number = np.ascontiguousarray(data[..., 3:]).view(np.uint64)[..., 0]
+        number = np.ascontiguousarray(data[..., 4:]).view(np.uint64)[..., 0]
         flat = number.reshape(-1)
         starts = np.flatnonzero(np.append(True, flat[1:] != flat[:-1]))
         shown, place = np.unique(flat[starts], return_inverse=True)
@@ -59,7 +59,8 @@ class StoredView:
         rows = np.where(plan.ids[row] == shown, row, MISS).astype(np.int32)
         charts = np.repeat(rows[place], np.diff(starts, append=len(flat)))
         viewpoint = Viewpoint(id, 0, np.array(self.position), np.array(self.forward))
-        return StreetView(viewpoint, np.ascontiguousarray(data[..., :3]), charts.reshape(number.shape))
+        difference, kind = np.ascontiguousarray(data[..., :3]), np.ascontiguousarray(data[..., 3])
+        return StreetView(viewpoint, difference, charts.reshape(number.shape), kind)
 
 
 def list_stored_views(plan: Plan, group: StoreGroup) -> dict[int, StoredView]:

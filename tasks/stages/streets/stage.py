@@ -12,7 +12,7 @@ from facade_core.core.arrays import Int64Array
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import ChartKind
 from facade_core.plan.plan import Plan
-from facade_core.street.propagation.continuation import CONTINUATION
+from facade_core.street.continuation import CONTINUATION
 from tasks.engine.inputs import INPUTS_PENDING
 from tasks.engine.run import Run
 from tasks.engine.stage import ForecastInputs, Stage, StageForecast, UnitOutline
@@ -47,13 +47,17 @@ def list_street_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> 
             pictured=store_charts(run, plan, shown, digests),
             pictured_ground=learnt if shown else store_charts(run, plan, (), {}),
             materials=run.materials if shown else (),
-            panorama_width=run.texture.panorama_width if shown else 0,
             seed=run.seed if shown else 0,
         )
-        texels = int(area[ground].sum() * CONTINUATION.texels_per_metre**2) if shown else 0
-        memory = LIBRARY_BYTES + texels * STREET_TEXEL + inputs.panorama_width**2 // 2 * PANORAMA_PIXEL
+        memory = street_memory(float(area[ground].sum()) if shown else 0)
         units.append(Unit(index, street.id, inputs, memory))
     return units
+
+
+def street_memory(area: float) -> int:
+    """Return the memory of a street that sees ground of an area, square metres."""
+    texels, pixels = int(area * CONTINUATION.texels_per_metre**2), CONTINUATION.panorama_width**2 // 2
+    return LIBRARY_BYTES + texels * STREET_TEXEL + pixels * PANORAMA_PIXEL
 
 
 def _ground_of_street(plan: Plan, street: int) -> Int64Array:

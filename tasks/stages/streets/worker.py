@@ -11,7 +11,7 @@ import numpy as np
 from catalogs.readers.pictures.materials import MaterialPicture
 from facade_core.atlas.stored_files import digest_stored_file, street_view_path
 from facade_core.street.materials.field import MaterialField
-from facade_core.street.propagation.continuation import StreetView, continue_street
+from facade_core.street.continuation import StreetView, continue_street
 from tasks.engine.atlas import Atlas
 from tasks.engine.context import load_run_plan
 from tasks.engine.inputs import INPUTS_PENDING, SETTINGS_CHANGED, VIEW_CHANGED, input_field
@@ -32,7 +32,6 @@ class StreetInputs:
     pictured : that of it which panoramas show.
     pictured_ground : ground after which ground without a picture looks.
     materials : own pictures of materials.
-    panorama_width : width of the panoramas, pixels.
     seed : seed of the block.
     """
 
@@ -41,7 +40,6 @@ class StreetInputs:
     pictured: StoredCharts = input_field(INPUTS_PENDING)
     pictured_ground: StoredCharts = input_field(INPUTS_PENDING)
     materials: tuple[MaterialPicture, ...] = input_field(SETTINGS_CHANGED)
-    panorama_width: int = input_field(SETTINGS_CHANGED)
     seed: int = input_field(SETTINGS_CHANGED)
 
 
@@ -51,14 +49,11 @@ def compute_street(inputs: StreetInputs) -> dict[int, StreetView]:
         return {}
     plan, store = inputs.view.plan, inputs.pictured.store
     field = _material_field(inputs.view.run, inputs.seed, inputs.materials, inputs.pictured_ground)
-    return continue_street(
-        plan.scene,
-        field,
-        plan.street_viewpoints(inputs.street),
-        np.array(inputs.view.charts),
-        read_pictured_ground(plan, store, inputs.pictured.charts),
-        inputs.panorama_width,
-    )
+    viewpoints = plan.street_viewpoints(inputs.street)
+    own = np.array(inputs.view.charts)
+    seen = [np.intersect1d(plan.charts_of_viewpoint(viewpoint.id), own) for viewpoint in viewpoints]
+    shown = read_pictured_ground(plan, store, inputs.pictured.charts)
+    return continue_street(plan.scene, field, viewpoints, seen, shown)
 
 
 @lru_cache(maxsize=2)
@@ -76,13 +71,15 @@ def write_street(atlas: Atlas, unit: Unit[StreetInputs], views: Mapping[int, Str
     for number, view in views.items():
         path = street_view_path(unit.name, number)
         charts = np.ascontiguousarray(ids[view.chart]).view(np.uint8).reshape(*view.chart.shape, 8)
-        data = np.concatenate([view.difference, charts], axis=2)
+        data = np.concatenate([view.difference, view.kind[..., None], charts], axis=2)
         atlas.group.create_array(
             path,
             data=data,
             chunks=data.shape,
             dimension_names=("row", "column", "band"),
-            attributes={"long_name": "difference of ground from its material, 128 for none, and the id of its chart"},
+            attributes={
+                "long_name": "difference of ground from its material, 128 for none, its kind, and the id of its chart"
+            },
             overwrite=True,
         )
         files[path] = digest_stored_file(data.tobytes())

@@ -23,7 +23,7 @@ from facade_core.facade.wall_material import measure_wall_material
 from facade_core.geometry.chart_packing import ChartPlacements
 from facade_core.plan.plan import Plan
 from facade_core.street.materials.field import MaterialField
-from facade_core.street.propagation.continuation import StreetView, blend_street_views
+from facade_core.street.continuation import StreetView, blend_street_views
 from facade_core.street.surfaces import ChartSunlight, FinishSettings, KnownTexture, finish_chart
 from tasks.engine.atlas import Atlas
 from tasks.engine.context import current_store, load_run_plan
@@ -113,7 +113,7 @@ def compute_surface(inputs: SurfaceInputs) -> FinishedSurfaces:
     colour, provenance = np.empty((rasters.total, 3), np.uint8), np.empty(rasters.total, np.uint8)
     street_views = np.zeros(rasters.total, np.uint16)
     for chart in charts:
-        differences = blend_street_views(scene, chart, views) if views else None
+        differences = blend_street_views(scene, field, chart, views) if views else None
         rgb, rank = finish_chart(
             scene,
             field,
@@ -139,7 +139,11 @@ def compute_surface(inputs: SurfaceInputs) -> FinishedSurfaces:
 def write_surface(atlas: Atlas, _unit: object, result: FinishedSurfaces) -> dict[str, object]:
     """Write colour and provenance of some charts; returns the fields of their record."""
     scene = atlas.plan.scene
-    arrays: dict[str, AnyArray] = {"colour": result.colour, "provenance": result.provenance, "street_views": result.street_views}
+    arrays: dict[str, AnyArray] = {
+        "colour": result.colour,
+        "provenance": result.provenance,
+        "street_views": result.street_views,
+    }
     for name, flat in arrays.items():
         write_rasters(atlas.group[f"atlas/{name}"], scene.spec, scene.placement, result.rasters, flat)
     digests = chart_digests(result.colour, result.provenance, scene.placement, result.rasters, atlas.plan.ids)

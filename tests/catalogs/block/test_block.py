@@ -83,7 +83,7 @@ def test_streets_by_name_photos_by_facade_and_a_named_frame(read: Read, folder: 
         (
             "models: {translator: block.yaml}",
             {},
-            "models.translator: is used with texture.translator: neural only; set that, or remove it",
+            "models.translator: unknown key; known here are parser, layout",
         ),
         ("texture: {panorama_width: 1023}", {}, "texture.panorama_width: must be even"),
         ("seed: 1.5", {}, "seed: 1.5 is not a whole number"),

@@ -229,7 +229,6 @@ OTHER_SETTINGS: dict[str, Any] = {
     "texture.viewpoint_height": 3.0,
     "texture.visibility_range": 50.0,
     "texture.walls": "exemplar",
-    "texture.translator": "neural",
     "texture.panorama_width": 512,
     "texture.levelling": False,
     "texture.roof_material": {"path": "a.png", "metres_per_pixel": 0.02},

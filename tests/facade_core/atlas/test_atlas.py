@@ -16,7 +16,6 @@ from facade_core.atlas.arrays import STORE_FORMAT, create_arrays
 from facade_core.atlas.journal import (
     atlas_digest,
     clear_record,
-    latest_chart_digests,
     read_journal,
     read_records,
     unit_key,
@@ -33,7 +32,6 @@ from facade_core.atlas.store import (
 )
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.errors import StoreError
-from facade_core.core.provenance import Provenance, merge_atlas_layers
 from facade_core.geometry.chart_packing import pack_charts
 
 TEXELS = np.array([[300, 200], [20, 30], [25, 12], [140, 128], [60, 60]])
@@ -52,9 +50,8 @@ def repository(tmp_path: Path, placement):
     create_arrays(
         create_root(session),
         AtlasSpec(placement.pages, 20.0, page=512),
-        {"poses": 0, "exemplars": 1, "textures": 1, "facades": 3, "viewpoints": 4, "streets": 2, "surfaces": 5},
+        {"poses": 0, "exemplars": 1, "textures": 1, "facades": 3, "streets": 2, "surfaces": 5},
         crs="EPSG:32635",
-        panorama_width=64,
     )
     commit(session, "arrays")
     return repository
@@ -122,7 +119,7 @@ def test_digest_sees_colour_and_provenance_and_nothing_else(repository, placemen
     session = repository.writable_session("main")
     group = zarr.open_group(session.store)
     digests = []
-    for name, value in (("colour", 3), ("provenance", 4), ("street", 5)):
+    for name, value in (("colour", 3), ("provenance", 4), ("street_views", 5)):
         group[f"atlas/{name}"][int(placement.page[3]), int(placement.y[3]) + 5, int(placement.x[3]) + 5] = value
         one = TexelLayout.of_charts(placement, [3])
         colour, provenance = (read_rasters(group[f"atlas/{n}"], placement, one) for n in ("colour", "provenance"))
@@ -133,15 +130,7 @@ def test_digest_sees_colour_and_provenance_and_nothing_else(repository, placemen
     assert digests[1] == digests[2]
 
 
-def test_later_waves_decide_a_shared_chart(repository) -> None:
-    session = repository.writable_session("main")
-    group = zarr.open_group(session.store)
-    write_record(group, "streets", 0, {"unit": "a", "wave": 1, "digests": {"00": "late"}})
-    write_record(group, "streets", 1, {"unit": "b", "wave": 0, "digests": {"00": "early"}})
-    assert latest_chart_digests([], read_journal(group, "streets")) == {"00": "late"}
-
-
-@pytest.mark.parametrize("name", ["atlas", "facade_maps", "panoramas", "journal"])
+@pytest.mark.parametrize("name", ["atlas", "facade_maps", "journal"])
 def test_xarray_opens_every_group(repository, name) -> None:
     dataset = xr.open_zarr(repository.readonly_session("main").store, group=name, consolidated=False)
     assert len(dataset) > 0
@@ -153,12 +142,14 @@ def test_xarray_opens_every_group(repository, name) -> None:
 def test_expiry_keeps_the_newest_two_and_the_tagged_and_drops_the_rest(repository, tmp_path: Path) -> None:
     def noise(value: int) -> str:
         session = repository.writable_session("main")
-        zarr.open_group(session.store)["panoramas/rgb"][0] = np.random.default_rng(value).integers(0, 256, (32, 64, 3))
+        zarr.open_group(session.store)["atlas/colour"][0, :64, :64] = np.random.default_rng(value).integers(
+            0, 256, (64, 64, 3)
+        )
         return commit(session, str(value))
 
     def first(snapshot: str) -> int:
         return int(
-            zarr.open_group(repository.readonly_session(snapshot_id=snapshot).store, mode="r")["panoramas/rgb"][
+            zarr.open_group(repository.readonly_session(snapshot_id=snapshot).store, mode="r")["atlas/colour"][
                 0, 0, 0, 0
             ]
         )
@@ -188,24 +179,6 @@ def test_records_are_read_by_unit_and_forgotten(repository) -> None:
     assert read_records(group, "facades", np.array([], np.int64)) == []
     clear_record(group, "facades", 2)
     assert read_records(group, "facades", np.array([2])) == [None]
-
-
-def test_ranks() -> None:
-    evidence = np.array(
-        [Provenance.PHOTO, Provenance.INPAINTED, Provenance.SYNTHESISED, Provenance.UNSEEN, Provenance.UNSEEN], np.uint8
-    )
-    views = np.array([1, 1, 1, 2, 0], np.uint16)
-    colour, provenance = merge_atlas_layers(
-        np.full((5, 3), 10, np.uint8), evidence, np.full((5, 3), 20, np.uint8), views
-    )
-    assert provenance.tolist() == [
-        Provenance.PHOTO,
-        Provenance.INPAINTED,
-        Provenance.SYNTHESISED,
-        Provenance.TRANSLATED,
-        Provenance.UNSEEN,
-    ]
-    assert colour[:, 0].tolist() == [10, 10, 10, 20, 0]
 
 
 def test_keys_change_with_what_they_stand_for() -> None:

@@ -87,7 +87,7 @@ def test_unseen_ground_takes_the_picture_and_seen_ground_keeps_its_own(scene: Sc
 
     materials = MaterialField(scene, [STREET], seed=0)
     colour, provenance = finish_chart(
-        scene, materials, chart, KnownTexture(read, (), {chart}), FinishSettings(levelling=False, aerial=picture)
+        scene, materials, chart, KnownTexture(read, ()), FinishSettings(levelling=False, aerial=picture)
     )
     rgb, known = resample_aerial_to_chart(scene, chart, picture)
     assert (known & ~seen).sum() > 1000

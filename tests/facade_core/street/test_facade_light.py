@@ -185,7 +185,7 @@ def test_what_is_a_picture_has_its_own_light_and_windows_have_no_stains(scene: S
         def read(one: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
             return colour[rows, columns], np.full(size, rank, np.uint8)[rows, columns]
 
-        known = KnownTexture(read, (), ())
+        known = KnownTexture(read, ())
         return finish_chart(scene, materials, chart, known, sunlight=ChartSunlight(NOON, labels))[0]
 
     np.testing.assert_array_equal(

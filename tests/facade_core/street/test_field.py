@@ -151,7 +151,8 @@ def test_an_own_wall_is_as_if_it_were_all_charts(scene: Scene, brick: bool) -> N
     surfaces, charts = plain.arrays.charts, np.flatnonzero(scene.charts.building == 1).tolist()
     facade = next(one for one in charts if scene.charts.kind[one] == ChartKind.WALL)
     wall = WallMaterial(np.array([150.0, 90.0, 70.0]), brick)
-    changed, own = plain.with_facade_material(charts, wall, facade)
+    changed = plain.with_facade_material(charts, wall, facade)
+    own = changed.arrays.override.charts
     assert own.tolist() == [one for one in charts if scene.charts.kind[one] == ChartKind.WALL]
     assert changed.arrays.charts is surfaces
     made, tint, example = (part.copy() for part in (surfaces.material, surfaces.tint, surfaces.grain))
@@ -274,22 +275,6 @@ def test_a_courtyard_is_darker_than_a_square_and_its_corners_darkest() -> None:
     assert 0.5 * square < corner < 0.93 * middle
     assert middle < 0.92 * square
     assert middle < outside < square  # below the house it is dark, and none of that comes out
-
-
-@pytest.mark.parametrize("kind", [ChartKind.GROUND, ChartKind.ROOF])
-def test_detail_is_what_a_coarse_picture_lacks(scene: Scene, kind: int) -> None:
-    import cv2
-
-    chart, materials = of_kind(scene, kind), MaterialField(scene, [STREET], seed=1)
-    whole = materials.chart_raster(chart)
-    rows, columns = (a.ravel() for a in np.mgrid[10 : whole.shape[0] - 10, 10 : whole.shape[1] - 10])
-    detail = materials.fine_detail(chart, rows, columns, np.full(len(rows), 7 / DENSITY))
-    assert np.abs(detail.mean(axis=0)).max() < 0.5
-    blurred = cv2.blur(whole.astype(np.float32), (7, 7))[rows, columns]
-    truth = whole[rows, columns].astype(float)
-    assert np.mean((blurred + detail - truth) ** 2) < 0.15 * np.mean((blurred - truth) ** 2)
-    fine = materials.fine_detail(chart, rows, columns, np.full(len(rows), 0.5 / DENSITY))
-    assert not fine.any()  # a picture finer than texels lacks nothing
 
 
 def test_there_is_a_material_for_every_kind_of_surface_and_dirt_starts_at_the_foot_of_the_walls() -> None:

@@ -129,7 +129,7 @@ def test_without_a_sun_nothing_changes_and_photos_keep_their_feet(scene: Scene) 
             colour = np.full((*size, 3), 200 if rank == Provenance.PHOTO else 0, np.uint8)
             return colour[rows, columns], np.full(size, rank, np.uint8)[rows, columns]
 
-        return KnownTexture(read, (), ())
+        return KnownTexture(read, ())
 
     photo, _ = finish_chart(scene, materials, chart, known(Provenance.PHOTO))
     assert (photo == 200).all()

@@ -25,7 +25,7 @@ from facade_core.street.materials.field import MaterialField
 from facade_core.street.propagation.propagate import propagate_panorama
 from facade_core.street.propagation.render import render_panorama
 from facade_core.street.propagation.texel_buffer import TexelBuffer
-from facade_core.street.translator.translators import MaterialFieldTranslator
+from benchmarks.papers.translator.translators import MaterialFieldTranslator
 
 STREET = Street("s", None, shapely.LineString([(-10, -8), (50, -8)]))
 BUILDINGS = [

@@ -15,18 +15,13 @@ from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.geometry.party_walls import find_enclosed_texels
 from facade_core.geometry.scene import Scene
-from facade_core.geometry.streets import Viewpoint
 from facade_core.street.lighting.contact_shadow import contact_light
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.materials.settings import EXAMPLE_FILL
-from facade_core.street.propagation.propagate import mark_first_visible
-from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.surfaces import (
     FinishSettings,
     KnownTexture,
-    TranslatedViews,
     finish_chart,
-    paint_visible_texels,
     photo_fade_weight,
 )
 
@@ -63,7 +58,7 @@ def known(scene: Scene, chart: int, rank: np.ndarray, value: int) -> KnownTextur
         colour = np.where(ranks[..., None] > Provenance.UNSEEN, np.uint8(value), np.zeros((*shape, 3), np.uint8))
         return colour[rows, columns], ranks[rows, columns]
 
-    return KnownTexture(read, {chart}, {chart})
+    return KnownTexture(read, {chart})
 
 
 def bare(scene: Scene, chart: int) -> np.ndarray:
@@ -137,7 +132,7 @@ def test_a_picture_of_the_ground_goes_on_by_example_and_fades_into_the_material(
         colour, ranks = plain(one, rows, columns)
         return (colour * stripes[rows] if one == chart else colour), ranks
 
-    colour, provenance = finish_chart(scene, materials, chart, KnownTexture(read, {chart}, {chart}))
+    colour, provenance = finish_chart(scene, materials, chart, KnownTexture(read, {chart}))
     hole = provenance[60:80, 40:70]
     assert (hole == Provenance.INPAINTED).all()
     assert np.abs(colour[60:80, 40:70].astype(float) - stripes[60:80]).mean() < 8
@@ -169,43 +164,6 @@ def test_what_is_painted_meets_a_photo_on_the_piece_beside_it() -> None:
         )
         step[levelling] = abs(colour[:, :6].astype(float).mean() - 120)
     assert step[True] < 0.35 * step[False]
-
-
-def test_what_a_viewpoint_sees_is_painted_once_and_as_the_field_says(scene: Scene, materials: MaterialField) -> None:
-    rasters, writable = TexelBuffer.plan_layout(scene.placement, range(len(scene.charts)), [])
-    blank = np.zeros((rasters.total, 3), np.uint8)
-    window = TexelBuffer.allocate(scene.placement, rasters, writable, blank, blank[:, 0].copy())
-    counts = []
-    for x in (5.0, 15.0):
-        viewpoint = Viewpoint(0, 0, np.array([x, -8.0, 2.5]), np.array([1.0, 0.0]))
-        mark_first_visible(scene, window, viewpoint, scene.cast_panorama(viewpoint, 512)[2])
-        paint_visible_texels(window, scene.placement, materials)
-        counts.append(int((window.provenance == Provenance.TRANSLATED).sum()))
-    assert 0 < counts[0] < counts[1] < rasters.total
-    assert window.state.views.max() == 1
-    chart = ground(scene)
-    texels = rasters.texel_slice(scene.placement, chart)
-    seen = window.provenance[texels] == Provenance.TRANSLATED
-    assert 0 < seen.mean() < 1
-    np.testing.assert_array_equal(window.colour[texels][seen], materials.chart_raster(chart).reshape(-1, 3)[seen])
-    assert not window.colour[texels][~seen].any()
-
-
-def test_what_pixels_of_the_network_cannot_show_is_added(scene: Scene, materials: MaterialField) -> None:
-    """Tone from the network, grain of the material; more of it where a pixel covers more."""
-    chart = ground(scene)
-    rank = np.full_like(bare(scene, chart), Provenance.TRANSLATED)
-    read = known(scene, chart, rank, 120)
-    middle = scene.charts.points_at_shares(np.array([chart]), np.array([[0.5, 0.5]]))[0]
-    grain = []
-    for up in (1.5, 30.0):
-        pixels = TranslatedViews(middle + np.array([0, 0, up]), 512)
-        settings = FinishSettings(is_neural=True, views=pixels, levelling=False)
-        colour, provenance = finish_chart(scene, materials, chart, read, settings)
-        assert (provenance == Provenance.TRANSLATED).all()
-        assert abs(colour.astype(float).mean() - 120) < 2
-        grain.append(float(colour.astype(float).std()))
-    assert grain[1] > grain[0] > 0
 
 
 def test_a_party_wall_takes_one_colour_where_its_neighbour_covers_it() -> None:

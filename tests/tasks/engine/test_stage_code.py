@@ -37,7 +37,7 @@ def codes(tmp_path: Path) -> Codes:
         for cached in (stage_code_digest, code_modules.load_module, code_modules.content_digest):
             cached.cache_clear()
         found = {stage: stage_code_digest(stage, root=tmp_path) for stage in CODE_STAGES}
-        return found | {"swatches": stage_code_digest("streets", neural=False, root=tmp_path)}
+        return found
 
     return now
 
@@ -45,13 +45,14 @@ def codes(tmp_path: Path) -> Codes:
 def test_a_change_reaches_the_stages_that_import_it(codes: Codes, tmp_path: Path) -> None:
     before = codes()
     facades = {"exemplars", "facades"}
-    streets = {"streets", "swatches"}
+    streets = {"streets"}
     for path, reached in {
         "facade_core/export/tiles/tile_model.py": {"tiles", "pictures", "publish"},
         "facade_core/export/tiles/block_tiles.py": {"pictures", "publish"},
         "facade_core/export/models/pages.py": {"pages", "tiles", "pictures", "publish"},
         "facade_core/export/pictures/stage_pictures.py": {"pictures"},
-        "facade_core/street/surfaces.py": {"surfaces"} | streets,
+        "facade_core/street/surfaces.py": {"surfaces"},
+        "facade_core/street/continuation.py": {"surfaces"} | streets,
         "facade_core/export/models/glb_merge.py": {"publish"},
         "facade_core/export/tiles/tileset.py": set(),  # only `streetloom export` takes it
         "catalogs/published/report.html.j2": {"publish"},
@@ -66,7 +67,6 @@ def test_a_change_reaches_the_stages_that_import_it(codes: Codes, tmp_path: Path
         "facade_core/parsing/models/network.md": set(),
         "facade_core/facade/layout/models/layouts.json": facades | {"publish"},
         "facade_core/facade/layout/models/layout_network.onnx": facades | {"publish"},
-        "facade_core/street/translator/models/translator.onnx": {"streets", "publish"},
         "facade_core/imagery/poses/refinement.py": {"poses"},
         "facade_core/imagery/poses/joint_refinement.py": {"bundles"},
         "facade_core/geometry/buildings/facets.py": {"ingest"},

@@ -22,7 +22,6 @@ from facade_core.core.types import SHIPPED_MODELS, Street, TrainedModelFiles
 from tasks.examples.demo import write_demo
 from tasks.publish.catalogue_facts import (
     FACADE_MODELS,
-    STREET_MODEL,
     CataloguedModel,
     _block_outline,
     models_used,
@@ -33,7 +32,7 @@ from tasks.publish.catalogue_facts import (
 START = 1_800_000_000.0
 
 
-@pytest.mark.parametrize("model", [*FACADE_MODELS, STREET_MODEL], ids=lambda model: model.path.stem)
+@pytest.mark.parametrize("model", FACADE_MODELS, ids=lambda model: model.path.stem)
 def test_what_models_learned_from_is_what_their_cards_say(model: CataloguedModel) -> None:
     if not model.card.is_file():
         assert model.trained_on == {}, "nothing is stated that no card says"
@@ -44,39 +43,31 @@ def test_what_models_learned_from_is_what_their_cards_say(model: CataloguedModel
         assert licence.partition(" (")[0] in line or f"{name} ({licence})" in card, name
 
 
-def test_models_are_those_that_facades_and_streets_were_made_with() -> None:
+def test_models_are_those_that_facades_were_made_with() -> None:
     run = cast(Any, SimpleNamespace(texture=TextureSettings(), models=SHIPPED_MODELS))
-    assert models_used(run, [None, {"status": "failed"}], [{"status": "done"}]) == []
-    network, layouts, layout_network = models_used(run, [{"lattice": {}}], [])
+    assert models_used(run, [None, {"status": "failed"}]) == []
+    network, layouts, layout_network = models_used(run, [{"lattice": {}}])
     assert layout_network.file == "facade_core/facade/layout/models/layout_network.onnx"
     assert network.sha256 == hashlib.sha256(FACADE_MODELS[0].path.read_bytes()).hexdigest()
     assert (network.file, layouts.id) == ("facade_core/parsing/models/network.onnx", "layouts")
     assert layouts.card is not None
-    neural = cast(Any, SimpleNamespace(texture=TextureSettings(translator="neural"), models=SHIPPED_MODELS))
-    assert models_used(neural, [], [{"status": "failed"}, None]) == []
-    if STREET_MODEL.path.is_file():
-        assert [model.id for model in models_used(neural, [], [{"status": "done"}])] == ["translator"]
 
 
 def test_a_block_tells_of_its_own_models(tmp_path: Path) -> None:
     for suffix, text in ((".onnx", "weights"), (".json", '{"trained_on": {"our photos": "ours"}}')):
         (tmp_path / f"mine{suffix}").write_text(text)
     run = cast(Any, SimpleNamespace(texture=TextureSettings(), models=TrainedModelFiles(parser=tmp_path / "mine.onnx")))
-    network, layouts, _ = models_used(run, [{"lattice": {}}], [])
+    network, layouts, _ = models_used(run, [{"lattice": {}}])
     assert (network.file, network.title, network.card) == ("mine.onnx", "facade parser of the block", None)
     assert network.trained_on == {"our photos": "ours"}
     assert network.sha256 == hashlib.sha256(b"weights").hexdigest()
     assert layouts.file == "facade_core/facade/layout/models/layouts.json"
-    settings = TextureSettings(translator="neural")
-    neural = SimpleNamespace(texture=settings, models=TrainedModelFiles(translator=tmp_path / "mine.onnx"))
-    (street,) = models_used(cast(Any, neural), [], [{"status": "done"}])
-    assert (street.file, street.title) == ("mine.onnx", "street translator of the block")
     (tmp_path / "layouts.json").write_text("{}")
     own = SimpleNamespace(texture=TextureSettings(), models=TrainedModelFiles(layout=tmp_path / "layouts.json"))
-    assert [model.file for model in models_used(cast(Any, own), [{"lattice": {}}], [])][1:] == ["layouts.json"]
+    assert [model.file for model in models_used(cast(Any, own), [{"lattice": {}}])][1:] == ["layouts.json"]
     for suffix, text in ((".onnx", "weights"), (".json", "{}")):
         (tmp_path / f"layout_network{suffix}").write_text(text)
-    found = models_used(cast(Any, own), [{"lattice": {}}], [])
+    found = models_used(cast(Any, own), [{"lattice": {}}])
     assert [model.file for model in found][1:] == ["layouts.json", "layout_network.onnx"]
     assert own.models.files == tuple(
         tmp_path / f"layout{name}" for name in ("_network.onnx", "_network.json", "s.json")
@@ -93,24 +84,21 @@ def test_streets_in_all_their_states() -> None:
         Any,
         SimpleNamespace(
             streets=streets,
-            viewpoints=[SimpleNamespace(street=s) for s in (0, 0, 1, 2, 3)],
-            wave=np.array([0, 1, 0, 0, 0]),
-            street_texel_counts=lambda: np.array([[900, 800], [50, 40], [9, 9], [9, 9], [0, 0]]),
+            street_viewpoints=lambda street: [None] * [2, 1, 1, 1, 0][street],
         ),
     )
     held = [
-        record("s0", at=50, texels=600),
-        record("s1", "stale", texels=10, reason="s0 was done again"),
+        record("s0", at=50, files={"street_views/a/0": "one", "street_views/a/1": "two"}),
+        record("s1", "stale", reason="its geometry changed"),
         record("s2", "failed", reason="viewpoint 0: no"),
         None,
         None,
     ]
-    viewpoints = [record("s0/0", seconds=5), record("s0/1", seconds=6), record("s1/0"), None, None]
-    done, stale, failed, waiting, unseen = street_facts(plan, held, viewpoints)
-    assert (done.state, done.viewpoints, done.viewpoints_done, done.texels, done.coverage) == ("done", 2, 2, 600, 0.75)
-    assert (done.seconds, done.key, done.updated) == (13.0, "s0", datetime.fromtimestamp(START + 52, UTC))
-    assert (stale.state, stale.wave, stale.coverage, stale.reason) == ("stale", 1, 0.25, "s0 was done again")
-    assert (failed.state, failed.reason, failed.coverage) == ("failed", "viewpoint 0: no", None)
+    done, stale, failed, waiting, unseen = street_facts(plan, cast(Any, held))
+    assert (done.state, done.viewpoints, done.viewpoints_done) == ("done", 2, 2)
+    assert (done.seconds, done.key, done.updated) == (2.0, "s0", datetime.fromtimestamp(START + 52, UTC))
+    assert (stale.state, stale.viewpoints_done, stale.reason) == ("stale", 0, "its geometry changed")
+    assert (failed.state, failed.reason) == ("failed", "viewpoint 0: no")
     assert (waiting.state, waiting.key, waiting.viewpoints_done) == ("waiting", None, 0)
     assert (unseen.state, unseen.viewpoints) == ("unseen", 0)
 

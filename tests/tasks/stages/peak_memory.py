@@ -75,12 +75,9 @@ def street(height, width):
     from facade_core.geometry.ground.terrain import build_terrain
     from facade_core.geometry.scene import Scene
     from facade_core.geometry.streets import Viewpoint
+    from facade_core.geometry.charts import ChartKind
+    from facade_core.street.continuation import continue_street
     from facade_core.street.materials.field import MaterialField
-    from facade_core.street.propagation.blend import blend_views
-    from facade_core.street.propagation.propagate import propagate_panorama
-    from facade_core.street.propagation.render import render_panorama
-    from facade_core.street.propagation.texel_buffer import TexelBuffer
-    from facade_core.street.translator.translators import MaterialFieldTranslator
 
     line = Street("s", None, shapely.LineString([(-10, -8), (50, -8)]))
     houses = [Building(str(i), shapely.box(22 * i, 0, 22 * i + 20, 10), 12.0, "height") for i in range(3)]
@@ -90,20 +87,17 @@ def street(height, width):
     density = float(height)  # texels per metre
     placement = pack_charts(charts.size, density, charts.building, page=4096, chunk=256, gutter=2)
     scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, density, page=4096))
-    translator = MaterialFieldTranslator(scene, MaterialField(scene, [line], seed=1))
-    scene.cast_panorama(Viewpoint(0, 0, np.array([0.0, -8.0, 2.5]), np.array([1.0, 0.0])), width)
-    chosen = range(len(charts))
+    materials = MaterialField(scene, [line], seed=1)
+    viewpoints = [Viewpoint(n, 0, np.array([5.0 * n, -8.0, 2.5]), np.array([1.0, 0.0])) for n in range(3)]
+    scene.cast_panorama(viewpoints[0], width)
+    ground = np.flatnonzero(charts.kind == ChartKind.GROUND)
+    seen = [np.arange(len(charts))] * len(viewpoints)
+    raster = materials.chart_raster(int(ground[0]))
+    shown = {int(ground[0]): (raster, np.ones(raster.shape[:2], bool))}
 
     def unit():
-        rasters, write = TexelBuffer.plan_layout(placement, chosen, chosen)
-        seed, evidence = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
-        window = TexelBuffer.allocate(placement, rasters, write, seed, evidence)
-        for x in (0.0, 5.0, 10.0):
-            viewpoint = Viewpoint(0, 0, np.array([x, -8.0, 2.5]), np.array([1.0, 0.0]))
-            panorama = render_panorama(scene, window, viewpoint, (width // 2, width))
-            propagate_panorama(scene, window, viewpoint, translator.translate(panorama), charts_seen=panorama.chart)
-        blend_views(window.state)
-        return rasters.total
+        continue_street(scene, materials, viewpoints, seen, shown)
+        return int(np.prod(charts.size[ground], axis=1).sum())
 
     return unit
 
@@ -118,7 +112,7 @@ def surface(height, width):
     from facade_core.geometry.ground.terrain import build_terrain
     from facade_core.geometry.scene import Scene
     from facade_core.street.materials.field import MaterialField
-    from facade_core.street.surfaces import FinishSettings, KnownTexture, finish_chart
+    from facade_core.street.surfaces import KnownTexture, finish_chart
 
     line = Street("s", None, shapely.LineString([(-10, -8), (50, -8)]))
     houses = [Building("a", shapely.box(0, 0, 40, 10), 40.0, "height")]
@@ -139,7 +133,7 @@ def surface(height, width):
         return known[rows, columns], rank[rows, columns]
 
     def unit():
-        finish_chart(scene, field, chart, KnownTexture(read, {chart}, ()), FinishSettings(is_neural=True))
+        finish_chart(scene, field, chart, KnownTexture(read, {chart}))
         return shape[0] * shape[1]
 
     return unit
@@ -245,18 +239,6 @@ def drawn(height, width):
     return unit
 
 
-def network(height, width):
-    from facade_core.street.translator.neural_translator import load_colour_network
-
-    network, image = load_colour_network(), np.zeros((height, width, 3), np.uint8)
-
-    def unit():
-        network.translate_image(image, np.zeros((height, width), bool))
-        return height * width
-
-    return unit
-
-
 def measure(jobs):
     """List the peak bytes and the texels of every job (stage, size of the warm-up, size)."""
     measured, warm = [], set()
@@ -277,9 +259,7 @@ def measure(jobs):
     return measured
 
 
-STAGES = {
-    unit.__name__: unit for unit in (photo, exemplar, retargeted, street, surface, page, tile, view, drawn, network)
-}
+STAGES = {unit.__name__: unit for unit in (photo, exemplar, retargeted, street, surface, page, tile, view, drawn)}
 
 if __name__ == "__main__":
     print(json.dumps(measure(json.loads(sys.argv[1]))))

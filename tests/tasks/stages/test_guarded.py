@@ -11,9 +11,12 @@ import pytest
 
 from tests.pipeline.runs import ROOT, environment
 
-# An input that is not read is not in the key: its change would leave the result as it is. The block has no panoramas, no
-# textures of its own, and no network.
-NOT_READ = {"facades": ["between", "captured", "exposure_factors", "own"], "surfaces": ["panorama_width"]}
+# An input that is not read is not in the key: its change would leave the result as it is. The block has no panoramas and
+# no textures of its own.
+NOT_READ = {
+    "facades": ["between", "captured", "exposure_factors", "own"],
+    "streets": ["materials", "pictured_ground", "seed", "view"],
+}
 
 # Arrays of the atlas whose digests are in the inputs. Of pictures, the facade's key covers all but atlas/provenance, on which
 # only a picture depends that the report does not show.
@@ -21,8 +24,6 @@ DIGESTED = {
     "compute_surface": [
         "atlas/seed",
         "atlas/seed_evidence",
-        "atlas/street",
-        "atlas/street_views",
         "facade_maps/labels",
     ],
     "compute_page": ["atlas/colour"],

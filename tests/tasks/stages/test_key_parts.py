@@ -22,8 +22,7 @@ from catalogs.block.reader import TextureSettings
 from catalogs.block.settings import replace_settings
 from catalogs.readers.pictures.aerial import Orthophoto
 from catalogs.readers.pictures.materials import MaterialPicture, RoofPicture
-from facade_core.atlas.journal import write_record
-from facade_core.core.types import Building, BuildingShell, Pose, Street, TrainedModelFiles
+from facade_core.core.types import Building, BuildingShell, Pose, Street
 from facade_core.imagery.poses.joint_refinement import PriorPose
 from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan
 from facade_core.plan.plan import Plan
@@ -34,11 +33,8 @@ from tasks.stages.bundles.worker import BundlePanorama
 from tasks.stages.exemplars.stage import exemplar_inputs
 from tasks.stages.facades.imagery import ChosenExemplar, FacadeImagery
 from tasks.stages.facades.stage import facade_inputs
-from tasks.stages.order import STAGE_NAMES
 from tasks.stages.poses.stage import list_pose_units
 from tasks.stages.shared.scene_view import store_charts
-from tasks.stages.streets.keys import KEY_SETTINGS, StreetKeys, street_keys
-from tasks.stages.streets.panoramas import is_panorama_in_report
 from tasks.stages.surfaces.stage import surface_inputs
 from tasks.stages.textures.stage import texture_inputs
 from tests.settings import block_settings
@@ -313,124 +309,24 @@ def test_exactly_what_changed_differs(tmp_path_factory: pytest.TempPathFactory, 
     assert set(differing_inputs(join_key(before), join_key(now))) == expected
 
 
-def seeded(plan: Plan, digests: Mapping[str, str], passes: Mapping[int, str]) -> Any:
-    """The journal of a block whose facades are done, with what some viewpoints pass on to later streets."""
-    group = zarr.create_group({})
-    counts = {"facades": len(plan.facades.id), "viewpoints": len(plan.viewpoints), "streets": len(plan.streets)}
-    for stage in STAGE_NAMES:
-        group.create_array(f"journal/{stage}", shape=(counts.get(stage, 0),), chunks=(1,), dtype=str)
-    for facade, chart in enumerate(plan.facades.chart.tolist()):
-        id = f"{plan.ids[chart]:016x}"
-        record = {"unit": plan.facades.id[facade], "key": f"code:0 photo:{facade}", "status": "done"}
-        write_record(group, "facades", facade, record | {"digests": {id: digests.get(id, "as it was")}})
-    for viewpoint in range(len(plan.viewpoints)):
-        record = {"unit": str(viewpoint), "key": "k", "status": "done", "passes": passes.get(viewpoint, "as it was")}
-        write_record(group, "viewpoints", viewpoint, record)
-    return group
-
-
-def other_viewpoints(one: StreetKeys, other: StreetKeys) -> list[bool]:
-    return [a != b for a, b in zip(one.viewpoints, other.viewpoints, strict=True)]
-
-
-@settings(max_examples=12)
-@given(st.data())
-def test_a_viewpoint_stands_on_what_it_sees_and_on_those_before_it_where_they_blend(data: st.DataObject) -> None:
-    plan = planned("near", "streets")
-    group = seeded(plan, {}, {})
-    street = data.draw(st.integers(0, len(plan.streets) - 1))
-    blends = data.draw(st.booleans())
-    run = changed(RUN, {"translator": "neural" if blends else "swatches"})
-    before = street_keys(run, plan, group, street)
-    assert street_keys(run, plan, seeded(plan, {}, {}), street) == before
-    assert bool(before.chain) == blends
-    own = [viewpoint.id for viewpoint in plan.street_viewpoints(street)]
-    pairs = set(map(tuple, plan.views.tolist()))
-
-    chart = data.draw(st.sampled_from(plan.facades.chart.tolist()))
-    now = street_keys(run, plan, seeded(plan, {f"{plan.ids[chart]:016x}": "another"}, {}), street)
-    seen = [(viewpoint, chart) in pairs for viewpoint in own]
-    assert differing_inputs(before.street, now.street) == ["seeds"] * (any(seen) and blends)
-    stored = [is_panorama_in_report(plan, viewpoint) for viewpoint in plan.street_viewpoints(street)]
-    changes = [
-        a and b for a, b in zip(seen, stored, strict=True)
-    ]  # of a field only a stored panorama shows the base layer
-    assert other_viewpoints(before, now) == ([any(seen[: k + 1]) for k in range(len(own))] if blends else changes)
-
-    looked = data.draw(st.integers(0, len(own) - 1))
-
-    def look_elsewhere(digests: tuple[str, ...]) -> tuple[str, ...]:
-        return tuple("another" if v == own[looked] else look for v, look in enumerate(digests))
-
-    now = street_keys(run, replace(plan, view_digests=look_elsewhere(plan.view_digests)), group, street)
-    assert differing_inputs(before.street, now.street) == ["views"] * blends
-    assert other_viewpoints(before, now) == [
-        k >= looked if blends else k == looked and stored[k] for k in range(len(own))
-    ]
-    now = street_keys(run, replace(plan, painted_digests=look_elsewhere(plan.painted_digests)), group, street)
-    assert differing_inputs(before.street, now.street) == ["views"] * (not blends)
-    assert other_viewpoints(before, now) == [k == looked and not blends for k in range(len(own))]
-
-    name, value = data.draw(
-        st.sampled_from(
-            [("seed", 2), ("levelling", False), ("panorama_width", 256), ("walls", "x"), *ELSEWHERE.items()]
-        )
-    )
-    now = street_keys(changed(run, {name: value}), plan, group, street)
-    of_streets = name in {"seed", *KEY_SETTINGS}
-    assert differing_inputs(before.street, now.street) == (["settings"] if of_streets else [])
-    assert (now == before) == (not of_streets)
-
-
-def test_a_street_stands_on_what_earlier_ones_pass_on() -> None:
-    plan = planned("near", "streets")
-    assert len({*plan.wave.tolist()}) > 1
-    for street in range(len(plan.streets)):
-        before = street_keys(RUN, plan, seeded(plan, {}, {}), street)
-        mine = plan.street_charts[plan.street_charts[:, 0] == street, 1]
-        told = set()
-        for viewpoint in plan.viewpoints:
-            now = street_keys(RUN, plan, seeded(plan, {}, {viewpoint.id: "another"}), street)
-            shown = plan.views[plan.views[:, 0] == viewpoint.id, 1]
-            shares = np.isin(shown, mine) & plan.writable[shown]
-            earlier = bool(plan.wave[viewpoint.street] < plan.wave[street] and shares.any())
-            assert differing_inputs(before.street, now.street) == ["earlier"] * earlier
-            told.add(earlier)
-        assert told == ({False} if plan.wave[street] == plan.wave.min() else {False, True})
-
-
-def test_pictures_of_materials_are_in_the_keys_of_surfaces_and_of_streets(tmp_path: Path) -> None:
+def test_pictures_of_materials_are_in_the_keys_of_surfaces(tmp_path: Path) -> None:
     plan = planned("near", "streets")
     charts = np.flatnonzero(plan.scene.charts.building == plan.scene.names.index("a")).tolist()
 
-    def keys(*pictures: MaterialPicture, roof: RoofPicture | None = None) -> tuple[str, str]:
+    def keys(*pictures: MaterialPicture, roof: RoofPicture | None = None) -> str:
         run = replace(RUN, materials=pictures, roof_material=roof)
-        surface = join_key(
-            digest_inputs(surface_inputs(run, plan, charts, [], {}, {}, store_charts(run, plan, (), {})))
-        )
-        return surface, street_keys(run, plan, seeded(plan, {}, {}), 0).street
+        return join_key(digest_inputs(surface_inputs(run, plan, charts, [], {}, {}, store_charts(run, plan, (), {}))))
 
     path = tmp_path / "slabs.png"
     path.write_bytes(b"one")
     plain, once, wider = keys(), keys(MaterialPicture("slabs", path, 1.0)), keys(MaterialPicture("slabs", path, 2.0))
     for before, now in ((plain, once), (once, wider)):
-        told = [differing_inputs(one, other) for one, other in zip(before, now, strict=True)]
-        assert told == [["materials"], ["settings"]]
+        assert differing_inputs(before, now) == ["materials"]
     other = path.rename(tmp_path / "renamed.png")
     assert keys(MaterialPicture("slabs", other, 1.0)) == once
     laid = keys(roof=RoofPicture(other, 0.02))
     assert laid != plain
     assert keys(roof=RoofPicture(other.rename(path), 0.02)) == laid
-
-
-def test_an_own_translator_is_in_the_keys_of_streets_that_use_it(tmp_path: Path) -> None:
-    plan, path = planned("near", "streets"), tmp_path / "mine.onnx"
-    path.write_bytes(b"weights")
-    for translator, told in (("neural", ["settings"]), ("exemplar", [])):
-        run = changed(RUN, {"translator": translator})
-        own = replace(run, models=TrainedModelFiles(translator=path))
-        before, now = (street_keys(each, plan, seeded(plan, {}, {}), 0).street for each in (run, own))
-        assert differing_inputs(before, now) == told
 
 
 def test_a_sun_is_in_the_keys_of_surfaces_alone_and_reaches_as_far_as_shadows() -> None:

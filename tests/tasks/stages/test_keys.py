@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace as Value
 from typing import Any
@@ -34,8 +34,6 @@ from tasks.engine.inputs import (
 from tasks.engine.stage import match_units_by_name
 from tasks.stages.facades.imagery import FacadeImagery
 from tasks.stages.facades.stage import facade_inputs
-from tasks.stages.streets.keys import KEY_SETTINGS
-from tasks.stages.streets.stage import STREETS
 
 
 @dataclass(frozen=True)
@@ -88,19 +86,6 @@ def test_inputs_of_different_content_have_different_digests(tmp_path: Path) -> N
     assert len(set(digests)) == len(values)
 
 
-def test_every_setting_of_texture_is_of_streets_or_not() -> None:
-    in_what_they_see = {
-        "viewpoint_spacing",
-        "viewpoint_height",
-        "visibility_range",
-        "walls",
-        "roof_material",
-        "materials",
-    }
-    of_surfaces = {"levelling", "sun"}
-    assert {field.name for field in fields(TextureSettings)} == set(KEY_SETTINGS) | in_what_they_see | of_surfaces
-
-
 def test_a_file_is_read_again_when_it_changed(tmp_path: Path) -> None:
     path = tmp_path / "photo.png"
     path.write_bytes(b"one")
@@ -123,19 +108,6 @@ def test_units_are_found_again_by_their_names() -> None:
     assert again(records, "2", "3", "1") == {0: 2, 2: 0}
     twice = [{"unit": "x"}, {"unit": "y"}, {"unit": "x"}]
     assert again(twice, "x", "x", "y", "x") == {0: 0, 1: 2, 2: 1}
-
-
-def test_streets_are_found_again_by_line_and_then_by_id() -> None:
-    def plan(**lines: float) -> Any:
-        streets = [Value(id=name, line=shapely.LineString([(0, y), (9, y)])) for name, y in lines.items()]
-        return Value(streets=tuple(streets), wave=np.zeros(len(streets)))
-
-    def again(before: Any, after: Any) -> dict[int, int]:
-        change: Any = Value(before=before, after=after)
-        return STREETS.match(change)
-
-    assert again(plan(g0=0, g1=1, g2=2), plan(g0=1, g1=2)) == {0: 1, 1: 2}  # named anew since one is gone
-    assert again(plan(a=0, b=1), plan(a=0.5, b=1, c=2)) == {0: 0, 1: 1}  # a was moved
 
 
 def test_a_facade_of_a_panorama_stands_on_what_is_between(tmp_path: Path) -> None:

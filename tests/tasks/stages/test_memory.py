@@ -19,7 +19,7 @@ from tasks.stages.facades.stage import facade_memory
 from tasks.stages.pages.stage import page_memory
 from tasks.stages.pictures.stage import facade_pictures_memory, view_memory
 from tasks.stages.shared.memory import LIBRARY_BYTES, PICTURE_PIXEL
-from tasks.stages.streets.memory import street_memory
+from tasks.stages.streets.stage import street_memory
 from tasks.stages.surfaces.stage import surface_memory
 from tasks.stages.textures.stage import TEXTURE_TEXEL, texture_memory
 from tasks.stages.tiles.stage import tile_memory
@@ -92,8 +92,8 @@ def test_an_exemplar_fits_what_it_declares(tmp_path: Path) -> None:
 
 @pytest.mark.long
 def test_the_window_of_a_street_fits_what_it_declares() -> None:
-    taken, texels = measured("street", (4, 256), (30, 512))
-    assert_fits(street_memory(texels, texels), taken)
+    taken, area = measured("street", (4, 256), (30, 1024))
+    assert_fits(street_memory(area), taken)
 
 
 def test_a_page_fits_what_it_declares() -> None:
@@ -123,11 +123,6 @@ def test_a_surface_fits_what_it_declares() -> None:
     assert_fits(surface_memory(np.array([texels])), taken)
 
 
-def test_a_panorama_fits_what_the_network_declares() -> None:
-    taken, pixels = measured("network", (32, 64), (1024, 2048))
-    assert_fits(street_memory(0, 0, network=pixels), taken)
-
-
 def test_a_broken_picture_takes_none(tmp_path: Path) -> None:
     (tmp_path / "broken.png").write_bytes(b"no picture")
     assert exemplar_memory(tmp_path / "broken.png") == LIBRARY_BYTES
@@ -139,4 +134,4 @@ def test_every_texel_and_pixel_counts(tmp_path: Path) -> None:
     Image.fromarray(np.zeros((30, 20, 3), np.uint8)).save(picture)
     assert facade_memory(1000, FacadeImagery(photo=picture)) - facade_memory(0, FacadeImagery(photo=picture)) >= 100_000
     assert facade_memory(10, FacadeImagery(photo=picture)) - facade_memory(10, FacadeImagery()) == 600 * PICTURE_PIXEL
-    assert street_memory(200, 100) > street_memory(100, 100) < street_memory(100, 200)
+    assert street_memory(200) > street_memory(100)

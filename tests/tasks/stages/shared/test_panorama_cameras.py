@@ -109,8 +109,7 @@ def test_no_more_is_open_than_one_chart_is_taken_from() -> None:
 def test_cameras_of_charts_are_numbered_as_the_record_names_them() -> None:
     scene = synthetic_street(2, seed=3, occluders=0, texels_per_metre=8.0).scene
     group: Any = zarr.create_group({})
-    units = {"exemplars": 0, "viewpoints": 1}
-    create_arrays(group, scene.spec, units, crs="EPSG:32635", panorama_width=16)
+    create_arrays(group, scene.spec, {"exemplars": 0}, crs="EPSG:32635")
     plan: Any = Value(scene=scene, ids=np.arange(len(scene.charts), dtype=np.uint64))
     one, two, three, unused = four()
     used = {0: [unused, two], 1: [one, two, three]}

@@ -1,8 +1,8 @@
-"""Streets: who would lose another's writes is refused, who fails says where, and nothing of them stays behind in a worker."""
+"""Streets: who sees what pictures show goes on from it, who does not has nothing to do, and keys tell all that counts."""
 
 from __future__ import annotations
 
-import threading
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,147 +10,136 @@ from typing import Any
 
 import numpy as np
 import pytest
+import zarr
 
-from catalogs.block.reader import read_block
-from facade_core.atlas.journal import clear_record, read_journal
-from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
+from catalogs.readers.pictures.materials import MaterialPicture
+from facade_core.atlas.journal import read_journal
+from facade_core.atlas.rasters import read_chart_raster
+from facade_core.atlas.store import open_repository
 from facade_core.core.errors import StoreError
-from facade_core.street.propagation.blend import blend_views
-from tasks.engine.compute.serial import SerialCompute
-from tasks.engine.context import load_run_plan
-from tasks.engine.run import Run
-from tasks.engine.run_key import create_run
-from tasks.engine.store.commits import fork_store
-from tasks.stages.ingest.task import ingest_block
-from tasks.stages.streets import task
-from tasks.stages.streets import worker as viewpoint
-from tasks.stages.streets.redo import street_read_write_chunks
-from tasks.stages.streets.task import _claim_chunks, texture_street
-from tests.pipeline.stages import STREETS, texture, write_block
+from facade_core.core.provenance import Provenance
+from facade_core.geometry.charts import ChartKind
+from facade_core.geometry.streets import Viewpoint
+from facade_core.plan.plan_tables import read_plan
+from facade_core.street.continuation import StreetView
+from tasks.engine.inputs import differing_inputs, digest_inputs, join_key
+from tasks.engine.unit import Unit
+from tasks.stages.shared.street_views import StoredView, list_stored_views
+from tasks.stages.streets.stage import list_street_units
+from tasks.stages.streets.worker import StreetInputs, compute_street, write_street
+from tests.pipeline.painted_panoramas import write_panorama_block, write_panoramas
+from tests.pipeline.stages import Textured, texture
 
-HERE: Any = SimpleNamespace(out="/out")
-CELLS = frozenset({"0/0/0"}), frozenset({"0/0/1"})
-
-
-def test_who_reads_what_another_writes_is_refused_by_name() -> None:
-    with _claim_chunks(HERE, "a", CELLS[0] | CELLS[1], CELLS[0]):
-        with (
-            pytest.raises(StoreError, match=r"street b and street a share 1 chunks, such as 0/0/0"),
-            _claim_chunks(HERE, "b", CELLS[0], frozenset()),
-        ):
-            pass
-        with pytest.raises(StoreError, match="street c and street a"), _claim_chunks(HERE, "c", CELLS[1], CELLS[1]):
-            pass
-
-
-def test_readers_of_the_same_chunks_and_other_stores_run_side_by_side() -> None:
-    other: Any = SimpleNamespace(out="/other")
-    with (
-        _claim_chunks(HERE, "a", CELLS[0] | CELLS[1], CELLS[0]),
-        _claim_chunks(HERE, "b", CELLS[1], frozenset()),
-        _claim_chunks(other, "a", CELLS[0], CELLS[0]),
-    ):
-        pass
-
-
-def test_chunks_are_free_again_after_a_street_failed() -> None:
-    with pytest.raises(ValueError, match="on the way"), _claim_chunks(HERE, "a", CELLS[0], CELLS[0]):
-        raise ValueError("on the way")
-    with _claim_chunks(HERE, "b", CELLS[0], CELLS[0]):
-        pass
+CAMERAS = {"a-1": (8.0, -1.0, 2.5), "a-2": (12.5, 0.5, 2.5)}
 
 
 @pytest.fixture(scope="module")
-def ready(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    """A small block of which no street is done."""
-    folder = tmp_path_factory.mktemp("ready")
-    block = write_block(folder / "in", streets={"1": STREETS["1"]}, texture={"walls": "translate"})
-    return texture(block, folder / "out", stop_before="street 1").run
+def made(tmp_path_factory: pytest.TempPathFactory) -> Textured:
+    """A block with panoramas of the ground of one street; the other is far away."""
+    folder = tmp_path_factory.mktemp("streets")
+    write_panoramas(folder / "in", CAMERAS)
+    return texture(write_panorama_block(folder / "in"), folder / "out", stop_before="pages")
 
 
-def fail(*arguments: Any) -> None:
-    raise ValueError("it does not work")
+@pytest.fixture(scope="module")
+def store(made: Textured) -> Any:
+    session = open_repository(Path(made.run.out) / "store").readonly_session("main")
+    return SimpleNamespace(group=zarr.open_group(session.store, mode="r"), plan=read_plan(session))
 
 
-@pytest.mark.parametrize(
-    ("what", "where"), [("_process_viewpoint", "viewpoint 0"), ("write_rasters", "end of the street")]
-)
-def test_a_failure_names_what_failed_and_leaves_no_window(
-    ready: Run, monkeypatch: pytest.MonkeyPatch, what: str, where: str
-) -> None:
-    monkeypatch.setattr(viewpoint, what, fail)
-    ((_, reason),) = texture_street.fn(ready, 0, "1", 0, SerialCompute()).failed
-    assert reason.startswith(f"{where}: stopped by an error of its own (ValueError: it does not work); mend or remove")
-    assert not viewpoint._streets
+def inputs_of(made: Textured, store: Any, street: int, run: Any = None, plan: Any = None) -> StreetInputs:
+    block: Any = None
+    units = list_street_units(run or made.run, block, plan or store.plan, store.group)
+    return units[street].inputs
 
 
-def test_two_copies_of_a_viewpoint_in_one_process_do_not_share_a_window(
-    ready: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A late copy, come back to its worker while the one that was started since is at work there."""
-
-    def one() -> None:
-        viewpoint.process_viewpoints(ready, fork_store(ready.store)[1], 0, [0], "key")
-
-    def kept() -> list[np.ndarray]:
-        held = viewpoint._streets[ready, 0, "key"]
-        assert isinstance(held, viewpoint._Progress)
-        assert held.done == 1
-        return [held.window.colour.copy(), *blend_views(held.window.state)]
-
-    one()
-    alone = kept()
-    viewpoint._streets.clear()
-    both, see = threading.Barrier(2), viewpoint.mark_first_visible
-
-    windows: list[Any] = []
-
-    def together(*arguments: Any, **named: Any) -> None:
-        windows.append(arguments[1])
-        both.wait(300)
-        see(*arguments, **named)
-
-    monkeypatch.setattr(viewpoint, "mark_first_visible", together)
-    copies = [threading.Thread(target=one) for _ in range(2)]
-    for copy in copies:
-        copy.start()
-    for copy in copies:
-        copy.join()
-    assert windows[0] is not windows[1]
-    assert all(np.array_equal(a, b) for a, b in zip(alone, kept(), strict=True))
-    group = open_root(open_repository(ready.store).readonly_session(BRANCH))
-    viewpoint._take_buffer((ready, 0, "other"), viewpoint.load_street_worker_context(ready, group), group, 0)
-    assert [key for _, _, key in viewpoint._streets] == ["other"]  # a thread keeps one
-    viewpoint._streets.clear()
+def test_a_street_goes_on_from_pictures_and_one_without_has_nothing_to_do(made: Textured, store: Any) -> None:
+    records = [record or {} for record in read_journal(store.group, "streets")]
+    seen = {record["unit"]: len(record["files"]) for record in records}
+    assert seen["s1"] == len(store.plan.street_viewpoints([s.id for s in store.plan.streets].index("s1")))
+    assert seen["s3"] == 0
+    far = [street.id for street in store.plan.streets].index("s3")
+    assert inputs_of(made, store, far).view.charts == ()
+    assert compute_street(inputs_of(made, store, far)) == {}
 
 
-def test_a_viewpoint_that_failed_on_a_street_that_stands_is_done_by_the_next_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    block = write_block(tmp_path / "in", streets={k: STREETS[k] for k in "12"}, texture={"walls": "translate"})
-    run = texture(block, tmp_path / "out").run
-    plan = load_run_plan(run)
-    first = int(np.argmin(plan.wave))
-    session = open_repository(run.store).writable_session(BRANCH)
-    clear_record(open_root(session), "viewpoints", plan.street_viewpoints(first)[0].id)
-    commit(session, "one viewpoint is due")
-    with monkeypatch.context() as broken:
-        broken.setattr(task, "process_viewpoints", fail)
-        assert texture_street.fn(run, first, "1", 0, SerialCompute()).failed
-    texture(block, tmp_path / "out")
-    group = open_root(open_repository(run.store).readonly_session(BRANCH))
-    assert {record["status"] for record in read_journal(group, "viewpoints") if record} == {"done"}
+def test_what_views_decided_is_what_is_translated(store: Any) -> None:
+    plan = store.plan
+    ground = np.flatnonzero(plan.scene.charts.kind == ChartKind.GROUND).tolist()
+    found = set()
+    for chart in range(len(plan.ids)):
+        views, provenance = (
+            read_chart_raster(store.group, plan.scene.placement, chart, f"atlas/{name}")
+            for name in ("street_views", "provenance")
+        )
+        np.testing.assert_array_equal(views > 0, provenance == Provenance.TRANSLATED)
+        if views.any():
+            assert chart in ground
+        found |= set(views.ravel().tolist())
+    assert {0, 1, 2} <= found, "texels are decided by one view and by several"
 
 
-def test_a_street_waits_for_those_of_earlier_waves_whose_chunks_it_touches(tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    out.mkdir()
-    block = read_block(write_block(tmp_path / "in", streets=STREETS | {"far": [(400.0, 0.0), (430.0, 0.0)]}))
-    run = create_run(block, out)
-    outline = ingest_block.fn(run, block)
-    plan = load_run_plan(replace(run, ingested=outline.ingested))
-    chunks = [street_read_write_chunks(plan, street) for street in range(len(plan.streets))]
-    for street, (reads, writes) in enumerate(chunks):
-        share = [other for other, (r, w) in enumerate(chunks) if other != street and (reads & w or writes & r)]
-        assert outline.after[street] == tuple(o for o in share if plan.wave[o] < plan.wave[street])
-    assert any(outline.after)
+def test_a_view_is_read_as_it_was_written_when_charts_have_other_numbers(store: Any) -> None:
+    plan, group = store.plan, zarr.create_group({})
+    rng = np.random.default_rng(1)
+    chart = rng.integers(-1, len(plan.ids), (16, 32)).astype(np.int32)
+    place = Viewpoint(0, 0, np.array([1.0, 2.0, 3.0]), np.array([0.0, 1.0]))
+    view = StreetView(place, rng.integers(0, 256, (16, 32, 3)).astype(np.uint8), chart, (chart % 7).astype(np.uint8))
+    atlas: Any = SimpleNamespace(plan=plan, group=group)
+    unit: Any = Unit(0, "s", None)
+    ((path, digest),) = write_street(atlas, unit, {4: view})["files"].items()  # type: ignore[attr-defined]
+    stored = StoredView(path, digest, "s", 4, (1.0, 2.0, 3.0), (0.0, 1.0))
+    order = rng.permutation(len(plan.ids))
+    other: Any = SimpleNamespace(ids=plan.ids[order])
+    again = stored.read(group, other, 9)
+    assert again.viewpoint.id == 9
+    np.testing.assert_array_equal(again.difference, view.difference)
+    np.testing.assert_array_equal(again.kind, view.kind)
+    np.testing.assert_array_equal(np.where(again.chart < 0, -1, order[again.chart]), chart)
+    gone: Any = SimpleNamespace(ids=plan.ids[1:])
+    np.testing.assert_array_equal(stored.read(group, gone, 0).chart, np.where(chart > 0, chart - 1, -1))
+    group[path][0, 0, 0] += 1
+    with pytest.raises(StoreError, match="not as it was written"):
+        stored.read(group, plan, 0)
+
+
+CHANGES: dict[str, tuple[Callable[[Any, Any], tuple[Any, Any]], str]] = {
+    "what a viewpoint sees": (
+        lambda run, plan: (run, replace(plan, view_digests=("another",) * len(plan.view_digests))),
+        "view",
+    ),
+    "spacing": (lambda run, plan: (run, replace(plan, scene=replace(plan.scene, spacing=7.0))), "view"),
+    "seed": (lambda run, plan: (replace(run, settings=run.settings.model_copy(update={"seed": 9})), plan), "seed"),
+    "materials": (
+        lambda run, plan: (replace(run, materials=(MaterialPicture("slabs", Path(__file__), 1.0),)), plan),
+        "materials",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_a_key_tells_what_a_street_depends_on(made: Textured, store: Any, name: str) -> None:
+    near = [street.id for street in store.plan.streets].index("s1")
+    change, told = CHANGES[name]
+    run, plan = change(made.run, store.plan)
+    for street, expected in ((near, [told]), (1 - near, [])):
+        before, now = (
+            join_key(digest_inputs(one))
+            for one in (inputs_of(made, store, street), inputs_of(made, store, street, run, plan))
+        )
+        assert differing_inputs(before, now) == expected
+
+
+def test_a_key_tells_which_pictures_a_street_sees(made: Textured, store: Any) -> None:
+    near = [street.id for street in store.plan.streets].index("s1")
+    inputs = inputs_of(made, store, near)
+    changed = replace(inputs.pictured, known=("another",))
+    before, now = (join_key(digest_inputs(one)) for one in (inputs, replace(inputs, pictured=changed)))
+    assert differing_inputs(before, now) == ["pictured"]
+
+
+def test_views_of_a_block_are_listed_by_viewpoint(store: Any) -> None:
+    views = list_stored_views(store.plan, store.group)
+    street = [street.id for street in store.plan.streets].index("s1")
+    assert sorted(views) == [viewpoint.id for viewpoint in store.plan.street_viewpoints(street)]
+    assert [views[one].number for one in sorted(views)] == list(range(len(views)))

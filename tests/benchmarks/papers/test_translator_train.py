@@ -7,16 +7,16 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from facade_core.core.errors import InputError, ModelFileError
-from training import torch_files
-from training.translator.network_training import RECIPE
-from training.translator.street_renderings import render_procedural_street, render_run_sequences
-from training.translator.train import (
+from benchmarks.papers.translator.network_training import RECIPE
+from benchmarks.papers.translator.street_renderings import render_procedural_street, render_run_sequences
+from benchmarks.papers.translator.train import (
     PictureSplitPrefixes,
     list_pictures,
     read_picture_sets,
     train_translator,
 )
+from facade_core.core.errors import InputError, ModelFileError
+from training import torch_files
 
 
 def test_without_torch_it_ends_before_anything_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,11 +9,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from facade_core.street.translator.colour_grid import NETWORK_HEIGHT
-from facade_core.street.translator.equirectangular_taps import TAP_COUNT
-from facade_core.street.translator.neural_translator import TRANSLATOR_VERSION, load_colour_network, write_translator
+from benchmarks.papers.translator.colour_grid import NETWORK_HEIGHT
+from benchmarks.papers.translator.equirectangular_taps import TAP_COUNT
+from benchmarks.papers.translator.neural_translator import TRANSLATOR_VERSION, load_colour_network, write_translator
+from benchmarks.papers.translator.steps import TrainingRecipe
 from training.torch_files import encode_onnx
-from training.translator.steps import TrainingRecipe
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -40,7 +40,7 @@ def export_generator_onnx(weights: Mapping[str, Tensor], recipe: TrainingRecipe)
     import torch
     from torch import nn
 
-    from training.translator.network import Generator
+    from benchmarks.papers.translator.network import Generator
 
     class Panorama(nn.Module):
         def __init__(self) -> None:

@@ -12,20 +12,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from benchmarks.papers.translator.colour_grid import NETWORK_HEIGHT, TRAINED_ROWS, apply_colour_grid
+from benchmarks.papers.translator.equirectangular_taps import gather_taps
 from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.errors import ModelFileError
 from facade_core.core.model_file import open_inference_session
 from facade_core.street.lighting.sky import add_sky
 from facade_core.street.propagation.render import RenderedPanorama
-from facade_core.street.translator.colour_grid import NETWORK_HEIGHT, TRAINED_ROWS, apply_colour_grid
-from facade_core.street.translator.equirectangular_taps import gather_taps
-from facade_core.street.translator.translators import MaterialFieldTranslator
+from benchmarks.papers.translator.translators import MaterialFieldTranslator
 
 if TYPE_CHECKING:
     from onnxruntime import InferenceSession
 
 
-SHIPPED_TRANSLATOR = Path(__file__).parent / "models" / "translator.onnx"
+PRETRAINED_NETWORK = Path(__file__).parent / "models" / "translator.onnx"
 # Increase it when the meaning of inputs or outputs changes.
 TRANSLATOR_VERSION = 2
 # Constant, so that results do not depend on the machine's number of cores.
@@ -91,7 +91,7 @@ class NeuralTranslator:
         return np.where(known[..., None], painted, self.network.translate_image(painted, known))
 
 
-def load_colour_network(path: Path = SHIPPED_TRANSLATOR) -> ColourNetwork:
+def load_colour_network(path: Path = PRETRAINED_NETWORK) -> ColourNetwork:
     """Load the network of an .onnx file with its .json record.
 
     Raises

@@ -12,17 +12,17 @@ pytest.importorskip("torch", reason="torch is absent: make train-setup")
 
 import torch
 
+from benchmarks.papers.translator import network_training as training
+from benchmarks.papers.translator.colour_grid import NETWORK_HEIGHT, apply_colour_grid
+from benchmarks.papers.translator.crops import RealPicture, TrainingRendering
+from benchmarks.papers.translator.equirectangular_taps import gather_taps
+from benchmarks.papers.translator.kernel_distance import image_features, kernel_distance
+from benchmarks.papers.translator.network import Generator, apply_grid, image_to_tensor, initialise_weights
+from benchmarks.papers.translator.network_export import export_generator_onnx
+from benchmarks.papers.translator.network_training import learning_rate_share, train_generator
+from benchmarks.papers.translator.steps import TrainingDomains, TrainingRecipe, simulate_earlier
 from facade_core.core.errors import ImageError, ModelFileError
-from facade_core.street.translator.colour_grid import NETWORK_HEIGHT, apply_colour_grid
-from facade_core.street.translator.equirectangular_taps import gather_taps
 from tests.training.progress import interrupt_at, listening
-from training.translator import network_training as training
-from training.translator.crops import RealPicture, TrainingRendering
-from training.translator.kernel_distance import image_features, kernel_distance
-from training.translator.network import Generator, apply_grid, image_to_tensor, initialise_weights
-from training.translator.network_export import export_generator_onnx
-from training.translator.network_training import learning_rate_share, train_generator
-from training.translator.steps import TrainingDomains, TrainingRecipe, simulate_earlier
 
 RECIPE = TrainingRecipe(width=4, steps=4, batch=1, check=2)
 

@@ -1,22 +1,26 @@
-"""Training of a translation network from painted streets and a city's pictures."""
+"""Training of a translation network: `python -m benchmarks.papers.translator.train --style PICTURES --out OUT`.
+
+Learns from painted streets, procedural ones and those of runs (--from), and from a city's pictures. Needs the `train` extra.
+"""
 
 from __future__ import annotations
 
+import argparse
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from benchmarks.papers.translator import network_training as training
+from benchmarks.papers.translator.crops import PANORAMA_HEIGHT, RealPicture, resample_photo
+from benchmarks.papers.translator.steps import TrainingDomains, TrainingRecipe
+from benchmarks.papers.translator.street_renderings import VALIDATION_STRIDE, render_training_views
 from catalogs.readers.pictures.decoding import open_picture
 from facade_core.core.arrays import UInt8Array
-from facade_core.core.errors import InputError
+from facade_core.core.errors import FacadeError, InputError
 from training.torch_files import require_torch
-from training.translator import network_training as training
-from training.translator.crops import PANORAMA_HEIGHT, RealPicture, resample_photo
-from training.translator.steps import TrainingDomains, TrainingRecipe
-from training.translator.street_renderings import VALIDATION_STRIDE, render_training_views
 
 # Photos are reduced to this many pixels along the longer side when they are read.
 _PHOTO_SIDE = 640
@@ -34,6 +38,50 @@ class PictureSplitPrefixes:
 
     validation: tuple[str, ...] = ()
     excluded: tuple[str, ...] = ()
+
+
+def main() -> None:
+    """Train a network on a city's pictures and write it to OUT; resumes from the last checkpoint."""
+    from flows.step_reporter import show_progress
+
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.papers.translator.train", description=main.__doc__)
+    parser.add_argument(
+        "--style",
+        type=Path,
+        action="append",
+        required=True,
+        metavar="PICTURES",
+        help="folder of a city's street photos and panoramas (twice as wide as high)",
+    )
+    parser.add_argument(
+        "--from", type=Path, action="append", default=[], dest="runs", metavar="OUT", help="run to render streets of"
+    )
+    parser.add_argument(
+        "--judge-by",
+        action="append",
+        default=[],
+        metavar="PREFIX",
+        help="name prefix of pictures that rank checkpoints; without, the last fifth",
+    )
+    parser.add_argument(
+        "--leave-out", action="append", default=[], metavar="PREFIX", help="name prefix of pictures to exclude"
+    )
+    parser.add_argument(
+        "--out", type=Path, required=True, help="folder of translator.onnx, its .json and the training state"
+    )
+    parser.add_argument("--steps", type=int, default=training.RECIPE.steps, help="number of steps")
+    parser.add_argument("--seed", type=int, default=0, help="0 for the network in models/")
+    options = parser.parse_args()
+    for folder in (*options.style, *options.runs):
+        if not folder.is_dir():
+            parser.error(f"{folder}: no such folder")
+    if options.steps < 1:
+        parser.error(f"--steps: {options.steps} is less than 1")
+    recipe = replace(training.RECIPE, steps=options.steps)
+    split = PictureSplitPrefixes(tuple(options.judge_by), tuple(options.leave_out))
+    with show_progress():
+        path = train_translator(options.style, options.runs, options.out, seed=options.seed, recipe=recipe, split=split)
+    print(path)
 
 
 def train_translator(
@@ -64,7 +112,7 @@ def train_translator(
     InputError : there are no pictures to train on, or none to validate on.
     ModelError : torch is not installed.
     """
-    from training.translator import network_export
+    from benchmarks.papers.translator import network_export
 
     require_torch()  # before minutes of rendering
     learnt, judged, names = read_picture_sets(list_pictures(style), split)
@@ -182,3 +230,10 @@ def _checkpoint_writer(out: Path) -> Callable[[int, float, UInt8Array], None]:
             file.write(json.dumps({"step": step, "kernel_distance": round(distance, 4)}) + "\n")
 
     return sample
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except FacadeError as error:
+        raise SystemExit(str(error)) from None

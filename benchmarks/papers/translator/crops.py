@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.papers.translator.colour_grid import NETWORK_HEIGHT, REDUCTION, TRAINED_ROWS
 from facade_core.core.arrays import BoolArray, UInt8Array
-from facade_core.street.translator.colour_grid import NETWORK_HEIGHT, REDUCTION, TRAINED_ROWS
 
 PANORAMA_HEIGHT = NETWORK_HEIGHT * REDUCTION
 # Crop in rows and columns: what a photo of PHOTO_FIELD_OF_VIEW fills, and both multiples of the network's cells.

@@ -20,9 +20,9 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from benchmarks.papers.translator.colour_grid import BRIGHTNESS_BINS, COEFFICIENTS, REDUCTION
+from benchmarks.papers.translator.equirectangular_taps import KERNEL_SIZE, TAP_COUNT, kernel_taps
 from facade_core.core.arrays import UInt8Array
-from facade_core.street.translator.colour_grid import BRIGHTNESS_BINS, COEFFICIENTS, REDUCTION
-from facade_core.street.translator.equirectangular_taps import KERNEL_SIZE, TAP_COUNT, kernel_taps
 
 RESIDUAL_BLOCKS = 3
 # Encoder outputs that patches are compared at: the input, three strides, the first and the last residual block.

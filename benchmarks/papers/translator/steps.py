@@ -16,21 +16,21 @@ from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
-from facade_core.core.arrays import UInt8Array
-from training.translator.crops import (
+from benchmarks.papers.translator.crops import (
     RealPicture,
     TrainingCrop,
     TrainingRendering,
     random_real_crop,
     random_rendering_crop,
 )
+from facade_core.core.arrays import UInt8Array
 
 if TYPE_CHECKING:
     from torch import Tensor
     from torch import device as TorchDevice  # noqa: N812
     from torch.optim import Optimizer
 
-    from training.translator.network import Discriminator, Generator, PatchEmbedding
+    from benchmarks.papers.translator.network import Discriminator, Generator, PatchEmbedding
 
 TEMPERATURE = 0.07
 PATCHES_PER_OUTPUT = 256
@@ -116,7 +116,7 @@ def step_unpaired(
     """
     import torch
 
-    from training.translator.network import apply_grid, reduce_image
+    from benchmarks.papers.translator.network import apply_grid, reduce_image
 
     generator, discriminator, patches = parts["generator"], parts["discriminator"], parts["patches"]
     rng = np.random.default_rng(seeds)
@@ -185,7 +185,7 @@ def simulate_earlier(
     import torch
     from torch.nn import functional
 
-    from training.translator.network import apply_grid, reduce_image
+    from benchmarks.papers.translator.network import apply_grid, reduce_image
 
     if not recipe.conditioned:
         return plain, torch.zeros_like(given), plain
@@ -241,7 +241,7 @@ def crops_to_tensors(crops: Sequence[TrainingCrop], device: TorchDevice) -> tupl
     """Convert crops to images (n, 3, h, w) in -1..1, and masks of given and of earlier pixels (n, 1, h, w) bool."""
     import torch
 
-    from training.translator.network import image_to_tensor
+    from benchmarks.papers.translator.network import image_to_tensor
 
     given, earlier = (
         torch.from_numpy(np.stack(masks))[:, None].to(device)
@@ -267,7 +267,7 @@ def _encoder_input(image: Tensor, recipe: TrainingRecipe) -> Tensor:
     """Compose the encoder's input of a fully textured image, reduced."""
     import torch
 
-    from training.translator.network import reduce_image
+    from benchmarks.papers.translator.network import reduce_image
 
     everywhere = torch.ones_like(image[:, :1], dtype=torch.bool)
     return reduce_image(stack_inputs(image, image, everywhere, recipe))

@@ -1,13 +1,17 @@
-"""The translation network: `python -m benchmarks.translator --data DIR [--models DIR] [--only PART]` prints one JSON object.
+"""The translation network of the street paper: `python -m benchmarks.papers.translator --data DIR [--only PART]`.
 
-The test block is Ingolstadt with windows and doors as geometry, which no network is trained on; every wall is left to the
-translator. inference: seconds for a panorama on two threads. windows: IoU of windows that the parser finds in facades of the
-textured block with the model's own, against the same without texture and with the material field. sharpness: gradient
-energy of translated panoramas, divided by that of the painted ones. shipped: kernel distances of the shipped network, the
-material field and no texture. tables: the paper's tables 1 and 2; --models holds the rows' networks, and those missing are
-trained with one budget each, on procedural streets and those of --from (extra: train). Distances are squared kernel
-distances of EfficientNet-Lite0's features of crops of the finished streets to panoramas held out, with the kernel
-(x . y + 1)^3, which is 125 for a picture and itself. pictures: one viewpoint by each translator, into --models.
+No run uses the network: it darkens the ground and blurs, and the material field is preferred by eye (docs/decisions/0166).
+`neural_translator` applies the network in models/ to a panorama; `train` trains one (extra: train).
+
+The benchmark prints one JSON object. The test block is Ingolstadt with windows and doors as geometry, which no network is
+trained on; every wall is left untextured. inference: seconds for a panorama on two threads. windows: IoU of windows that the
+parser finds in facades of the textured block with the model's own, against the same without texture and with the material
+field. sharpness: gradient energy of translated panoramas, divided by that of the painted ones. pretrained: kernel distances
+of the network in models/, the material field and no texture. tables: the paper's tables 1 and 2; --models holds the rows'
+networks, and those missing are trained with one budget each, on procedural streets and those of --from (extra: train).
+Distances are squared kernel distances of EfficientNet-Lite0's features of crops of the finished streets to panoramas held
+out, with the kernel (x . y + 1)^3, which is 125 for a picture and itself. pictures: one viewpoint by each translator, into
+--models.
 """
 
 from __future__ import annotations
@@ -23,12 +27,12 @@ from typing import Any
 
 import numpy as np
 
-PARTS = ("inference", "windows", "sharpness", "pictures", "shipped", "tables")
+PARTS = ("inference", "windows", "sharpness", "pictures", "pretrained", "tables")
 
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(prog="benchmarks.translator", description=__doc__)
+    parser = argparse.ArgumentParser(prog="benchmarks.papers.translator", description=__doc__)
     parser.add_argument("--data", type=Path, required=True, help="folder of real data")
     parser.add_argument("--models", type=Path, default=Path("out/translator"), help="networks of the tables' rows")
     parser.add_argument("--from", type=Path, action="append", default=[], dest="runs", help="runs that rows learn from")
@@ -40,7 +44,7 @@ def main() -> None:
         "windows": windows,
         "sharpness": measure_sharpness,
         "pictures": pictures,
-        "shipped": measure_shipped,
+        "pretrained": measure_pretrained,
         "tables": tables,
     }
     for part in options.only or PARTS:
@@ -50,8 +54,8 @@ def main() -> None:
 
 
 def inference(options: argparse.Namespace) -> dict[str, Any]:
-    """Median seconds of the shipped network by panorama size."""
-    from facade_core.street.translator import neural_translator
+    """Median seconds of the pretrained network by panorama size."""
+    from benchmarks.papers.translator import neural_translator
 
     network, found = neural_translator.load_colour_network(), {}
     for width in (512, 1024, 2048):
@@ -68,9 +72,9 @@ def inference(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def windows(options: argparse.Namespace) -> dict[str, Any]:
-    """Windows in the textured block by the shipped network, by the material field and without texture."""
-    from benchmarks.translator import openings
-    from benchmarks.translator.scenes import ingolstadt, walk
+    """Windows in the textured block by the pretrained network, by the material field and without texture."""
+    from benchmarks.papers.translator import openings
+    from benchmarks.papers.translator.scenes import ingolstadt, walk
     from facade_core.street.propagation.render import render_panorama
 
     scene, own, streets = ingolstadt(options.data)
@@ -88,11 +92,11 @@ def windows(options: argparse.Namespace) -> dict[str, Any]:
 
 def measure_sharpness(options: argparse.Namespace) -> dict[str, Any]:
     """Gradient energy of translated panoramas over that of the painted ones, by viewpoint."""
+    from benchmarks.papers.translator import neural_translator
+    from benchmarks.papers.translator.scenes import WIDTH, ingolstadt, walk
     from benchmarks.street.truth import interval
-    from benchmarks.translator.scenes import WIDTH, ingolstadt, walk
     from facade_core.street.materials.field import MaterialField
-    from facade_core.street.translator import neural_translator
-    from facade_core.street.translator.translators import MaterialFieldTranslator
+    from benchmarks.papers.translator.translators import MaterialFieldTranslator
 
     scene, own, streets = ingolstadt(options.data)
     painter = MaterialFieldTranslator(scene, MaterialField(scene, streets, seed=7))
@@ -120,10 +124,10 @@ def _energy(rgb: np.ndarray, shown: np.ndarray) -> float:
 
 
 def pictures(options: argparse.Namespace) -> dict[str, Any]:
-    """One viewpoint of the test block without texture, by the material field and by the shipped network."""
+    """One viewpoint of the test block without texture, by the material field and by the pretrained network."""
     from PIL import Image
 
-    from benchmarks.translator.scenes import between, ingolstadt, walk
+    from benchmarks.papers.translator.scenes import between, ingolstadt, walk
     from facade_core.street.propagation.render import render_panorama
 
     scene, own, streets = ingolstadt(options.data)
@@ -134,36 +138,34 @@ def pictures(options: argparse.Namespace) -> dict[str, Any]:
     options.models.mkdir(parents=True, exist_ok=True)
     path = options.models / "translators.png"
     Image.fromarray(np.concatenate(rows)).save(path)
-    return {"untextured, exemplar, neural from above": str(path)}
+    return {"untextured, material field, network from above": str(path)}
 
 
 def _translators(scene: Any, streets: Any) -> dict[str, Any]:
-    """No texture, the material field and the shipped network."""
+    """No texture, the material field and the pretrained network."""
+    from benchmarks.papers.translator import neural_translator
     from facade_core.street.materials.field import MaterialField
-    from facade_core.street.translator import neural_translator
-    from facade_core.street.translator.translators import MaterialFieldTranslator
+    from benchmarks.papers.translator.translators import MaterialFieldTranslator
 
     painter = MaterialFieldTranslator(scene, MaterialField(scene, streets, seed=7))
     network = neural_translator.NeuralTranslator(neural_translator.load_colour_network(), painter)
     return {
         "untextured": lambda _, bare: bare.rgb,
-        "exemplar": lambda panorama, _: painter.translate(panorama),
-        "neural": lambda panorama, _: network.translate(panorama),
+        "material field": lambda panorama, _: painter.translate(panorama),
+        "network": lambda panorama, _: network.translate(panorama),
     }
 
 
-def measure_shipped(options: argparse.Namespace) -> dict[str, Any]:
-    """Kernel distances of the shipped network, of the material field and without texture."""
-    from benchmarks.translator import rows
-    from facade_core.street.translator import neural_translator
+def measure_pretrained(options: argparse.Namespace) -> dict[str, Any]:
+    """Kernel distances of the pretrained network, of the material field and without texture."""
+    from benchmarks.papers.translator import neural_translator, rows
 
-    return rows.shipped_alone(options.data, neural_translator.load_colour_network())
+    return rows.pretrained_alone(options.data, neural_translator.load_colour_network())
 
 
 def tables(options: argparse.Namespace) -> dict[str, Any]:
     """Tables 1 and 2."""
-    from benchmarks.translator import rows
-    from facade_core.street.translator import neural_translator
+    from benchmarks.papers.translator import neural_translator, rows
 
     seconds = rows.train_rows(options.data, options.models, rows.ROWS, runs=options.runs)
     found = rows.measure(options.data, options.models, neural_translator.load_colour_network())

@@ -10,12 +10,9 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from facade_core.core.errors import ModelFileError
-from facade_core.street.lighting.sky import add_sky
-from facade_core.street.translator import neural_translator
-from facade_core.street.translator.colour_grid import BRIGHTNESS_BINS, COEFFICIENTS, TRAINED_ROWS, apply_colour_grid
-from facade_core.street.translator.equirectangular_taps import KERNEL_SIZE, TAP_COUNT, gather_taps, kernel_taps
-from training.translator.crops import (
+from benchmarks.papers.translator import neural_translator
+from benchmarks.papers.translator.colour_grid import BRIGHTNESS_BINS, COEFFICIENTS, TRAINED_ROWS, apply_colour_grid
+from benchmarks.papers.translator.crops import (
     CROP,
     PANORAMA_HEIGHT,
     RealPicture,
@@ -24,6 +21,9 @@ from training.translator.crops import (
     random_rendering_crop,
     resample_photo,
 )
+from benchmarks.papers.translator.equirectangular_taps import KERNEL_SIZE, TAP_COUNT, gather_taps, kernel_taps
+from facade_core.core.errors import ModelFileError
+from facade_core.street.lighting.sky import add_sky
 
 RNG = np.random.default_rng(3)
 ROWS, COLUMNS = 8, 16
@@ -107,7 +107,7 @@ def test_transforms_wrap_at_180_degrees() -> None:
     np.testing.assert_array_equal(turned, np.roll(apply_colour_grid(grid, image), 3 * 64 // COLUMNS, axis=1))
 
 
-def test_the_shipped_network_keeps_every_edge_at_any_size() -> None:
+def test_the_pretrained_network_keeps_every_edge_at_any_size() -> None:
     network = neural_translator.load_colour_network()
     for height in (100, 256):
         image = np.full((height, 2 * height, 3), 90, np.uint8)
@@ -117,7 +117,7 @@ def test_the_shipped_network_keeps_every_edge_at_any_size() -> None:
         assert set(np.argsort(steps)[-2:].tolist()) == {69, 99}
 
 
-def test_the_shipped_network_keeps_a_turned_panorama() -> None:
+def test_the_pretrained_network_keeps_a_turned_panorama() -> None:
     network, image = neural_translator.load_colour_network(), noise(256)
     known = RNG.random((256, 512)) < 0.5
     whole = network.translate_image(image, known)
@@ -129,15 +129,15 @@ def test_broken_files_are_refused_by_name(tmp_path: Path) -> None:
     with pytest.raises(ModelFileError, match=r"none\.onnx: no such file"):
         neural_translator.load_colour_network(tmp_path / "none.onnx")
     path = tmp_path / "t.onnx"
-    record = json.loads(neural_translator.SHIPPED_TRANSLATOR.with_suffix(".json").read_text())
-    path.write_bytes(neural_translator.SHIPPED_TRANSLATOR.read_bytes()[:-1])
+    record = json.loads(neural_translator.PRETRAINED_NETWORK.with_suffix(".json").read_text())
+    path.write_bytes(neural_translator.PRETRAINED_NETWORK.read_bytes()[:-1])
     path.with_suffix(".json").write_text(json.dumps(record))
     with pytest.raises(ModelFileError, match="checksum differs"):
         neural_translator.load_colour_network(path)
     neural_translator.write_translator(b"not a network", path, {"version": neural_translator.TRANSLATOR_VERSION})
     with pytest.raises(ModelFileError, match="not a model that onnxruntime reads"):
         neural_translator.load_colour_network(path)
-    neural_translator.write_translator(neural_translator.SHIPPED_TRANSLATOR.read_bytes(), path, {"version": 1})
+    neural_translator.write_translator(neural_translator.PRETRAINED_NETWORK.read_bytes(), path, {"version": 1})
     with pytest.raises(ModelFileError, match="another version"):
         neural_translator.load_colour_network(path)
     path.with_suffix(".json").write_text("[]")

@@ -2,8 +2,9 @@
 
 The material field gives the detail of ground that no picture shows, and pictures give what they differ by from it: exposure,
 tint, wear. A viewpoint's partially textured panorama holds these differences where a picture shows the ground. Its other ground
-takes the mean of the differences on the same surface in the panorama, weighted by the cube of the inverse distance, so that it
-never lies outside what the pictures show. What a viewpoint decided is known to the next ones.
+takes the mean of the differences on the same kind of surface in the panorama, weighted by the cube of the inverse distance, so
+that it never lies outside what the pictures show. Where a viewpoint sees no picture of a kind, it goes on from what earlier ones
+decided.
 
 References
 ----------
@@ -21,13 +22,14 @@ import numpy as np
 from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array, IntArray, UInt8Array, UInt16Array
 from facade_core.core.numba_cache import njit
 from facade_core.core.provenance import Provenance
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.propagation.blend import blend_views
 from facade_core.street.propagation.propagate import propagate_panorama
-from facade_core.street.propagation.render import RenderedPanorama, render_panorama
+from facade_core.street.propagation.render import render_panorama
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 
 # Value of a difference of 0 in a difference image: a byte holds -128 to 127.
@@ -40,11 +42,13 @@ class ContinuationSettings:
 
     Attributes
     ----------
+    panorama_width : pixels; differences are smooth, so that few are enough.
     texels_per_metre : density at which a street holds differences; these are means over its texels.
     cell_m : side of the cells of which a viewpoint takes means.
     min_shown_share : share of a texel that pictures show, from which on it is known.
     """
 
+    panorama_width: int = 512
     texels_per_metre: float = 4.0
     cell_m: float = 2.0
     min_shown_share: float = 0.5
@@ -61,11 +65,13 @@ class StreetView(NamedTuple):
     viewpoint : position and direction of the panorama.
     difference : (h, w, 3) uint8 difference image.
     chart : (h, w) int32 ground chart of each pixel, -1 where nothing is decided.
+    kind : (h, w) uint8 kind of ground of each pixel.
     """
 
     viewpoint: Viewpoint
     difference: UInt8Array
     chart: Int32Array
+    kind: UInt8Array
 
 
 class DecidedDifferences(NamedTuple):
@@ -86,9 +92,8 @@ def continue_street(
     scene: Scene,
     materials: MaterialField,
     viewpoints: Sequence[Viewpoint],
-    ground: IntArray,
+    seen: Sequence[IntArray],
     shown: Mapping[int, tuple[UInt8Array, BoolArray]],
-    width: int,
     settings: ContinuationSettings = CONTINUATION,
 ) -> dict[int, StreetView]:
     """Continue what pictures show of a street's ground from viewpoint to viewpoint, in their order.
@@ -100,55 +105,76 @@ def continue_street(
     scene : the block's geometry.
     materials : material field of the block.
     viewpoints : of the street, in their order.
-    ground : (k,) ground charts that they see.
+    seen : charts (k,) that each of them sees.
     shown : by ground chart its colours (h, w, 3) and which texels (h, w) pictures show.
-    width : width of the panoramas, pixels.
 
     Returns
     -------
     What each viewpoint decided, by its number; those that see no difference are left out.
     """
     coarse = scene.with_density(settings.texels_per_metre)
+    charts = np.unique(np.concatenate(seen))
+    ground = charts[scene.charts.kind[charts] == ChartKind.GROUND]
     layout, writable = TexelBuffer.plan_layout(coarse.placement, ground.tolist(), ())
     difference, provenance = np.zeros((layout.total, 3), np.uint8), np.zeros(layout.total, np.uint8)
     kinds = np.empty(layout.total, np.uint8)
     for chart in writable.tolist():
         texels = layout.texel_slice(coarse.placement, chart)
         density = float(coarse.placement.texels_per_metre[chart])
-        kinds[texels] = materials.ground_kinds(chart, 0, density).reshape(-1)
+        kind = materials.ground_kinds(chart, 0, density)
+        kinds[texels] = kind.reshape(-1)
         if chart in shown:
-            values, known = _shown_differences(scene, coarse, materials, chart, *shown[chart], settings)
+            values, known = _shown_differences(scene, materials, chart, *shown[chart], kind, density, settings)
             difference[texels], provenance[texels] = values, np.where(known, Provenance.PHOTO, Provenance.UNSEEN)
     buffer = TexelBuffer.allocate(
-        coarse.placement, layout, writable, difference, provenance, visibility_range=scene.visibility_range
+        coarse.placement,
+        layout,
+        writable,
+        difference,
+        provenance,
+        visibility_range=scene.visibility_range,
+        kinds=kinds,
     )
     found: dict[int, StreetView] = {}
+    has_differences = np.zeros(len(scene.charts), bool)
+    has_differences[list(shown)] = True
     for numbers in (range(len(viewpoints)), reversed(range(len(viewpoints)))):
         for number in numbers:
-            if number in found:
+            if number in found or not has_differences[seen[number]].any():
                 continue
-            view = _continue_view(coarse, buffer, kinds, viewpoints[number], width, settings)
+            view = _continue_view(coarse, buffer, viewpoints[number], settings)
             if view is not None:
                 found[number] = view
-                propagate_panorama(coarse, buffer, view.viewpoint, view.difference, charts_seen=view.chart)
+                has_differences[np.unique(view.chart[view.chart != MISS])] = True
+                _propagate(coarse, buffer, view)
     return dict(sorted(found.items()))
 
 
-def blend_street_views(scene: Scene, chart: int, views: Sequence[StreetView]) -> DecidedDifferences:
+def _propagate(scene: Scene, buffer: TexelBuffer, view: StreetView) -> None:
+    propagate_panorama(scene, buffer, view.viewpoint, view.difference, charts_seen=view.chart, kinds=view.kind)
+
+
+def blend_street_views(
+    scene: Scene, materials: MaterialField, chart: int, views: Sequence[StreetView]
+) -> DecidedDifferences:
     """Blend the differences of a chart's texels by Eq. 1 over all views.
 
     Parameters
     ----------
     scene : the block's geometry.
+    materials : material field of the block.
     chart : a ground chart.
     views : with viewpoints of ids that tell them apart; in any order.
     """
     placement = scene.placement
     layout, writable = TexelBuffer.plan_layout(placement, [chart], ())
     nothing = np.zeros((layout.total, 3), np.uint8), np.zeros(layout.total, np.uint8)
-    buffer = TexelBuffer.allocate(placement, layout, writable, *nothing, visibility_range=scene.visibility_range)
+    kinds = materials.ground_kinds(chart, 0).reshape(-1)
+    buffer = TexelBuffer.allocate(
+        placement, layout, writable, *nothing, visibility_range=scene.visibility_range, kinds=kinds
+    )
     for view in views:
-        propagate_panorama(scene, buffer, view.viewpoint, view.difference, charts_seen=view.chart)
+        _propagate(scene, buffer, view)
     difference, count = blend_views(buffer.state)
     size = (int(placement.height[chart]), int(placement.width[chart]))
     return DecidedDifferences(difference.reshape(*size, 3), count.reshape(size))
@@ -156,29 +182,35 @@ def blend_street_views(scene: Scene, chart: int, views: Sequence[StreetView]) ->
 
 def _shown_differences(
     scene: Scene,
-    coarse: Scene,
     materials: MaterialField,
     chart: int,
     rgb: UInt8Array,
     is_shown: BoolArray,
+    kind: UInt8Array,
+    density: float,
     settings: ContinuationSettings,
 ) -> tuple[UInt8Array, BoolArray]:
-    """Return the difference (t, 3) of a ground chart's coarse texels, and which (t,) are known."""
-    density, finer = (float(one.placement.texels_per_metre[chart]) for one in (coarse, scene))
-    rows, columns = (int(size[chart]) for size in (coarse.placement.height, coarse.placement.width))
-    starts = [np.floor(np.arange(count) * (finer / density)).astype(np.int64) for count in (rows, columns)]
+    """Return the difference (t, 3) of a ground chart's coarse texels, and which (t,) are known.
+
+    Each is the mean of what pictures show of its own kind (h, w) within it.
+    """
+    coarser = float(scene.placement.texels_per_metre[chart]) / density
+    starts = [np.floor(np.arange(count) * coarser).astype(np.int64) for count in kind.shape]
+    within = [
+        np.searchsorted(at, np.arange(size), "right") - 1 for at, size in zip(starts, is_shown.shape, strict=True)
+    ]
+    is_own = materials.ground_kinds(chart, 0) == kind[np.ix_(*within)]
 
     def total(values: Int64Array) -> Int64Array:
         return np.add.reduceat(np.add.reduceat(values, starts[0], axis=0), starts[1], axis=1)
 
-    count = total(is_shown.astype(np.int64))
-    known = count >= settings.min_shown_share * total(np.ones(is_shown.shape, np.int64))
-    known &= count > 0
-    mean = total(np.where(is_shown[..., None], rgb, 0).astype(np.int64))[known] / count[known][:, None]
+    count = total((is_shown & is_own).astype(np.int64))
+    known = (count > 0) & (count >= settings.min_shown_share * total(is_own.astype(np.int64)))
+    mean = total(np.where((is_shown & is_own)[..., None], rgb, 0).astype(np.int64))[known] / count[known][:, None]
     row, column = np.nonzero(known)
     points = scene.charts.points(chart, (column + 0.5) / density, (row + 0.5) / density)
     plain = materials.colour(np.full(len(points), chart), points, np.full(len(points), 1 / density))
-    difference = np.full((rows, columns, 3), NO_DIFFERENCE, np.uint8)
+    difference = np.full((*kind.shape, 3), NO_DIFFERENCE, np.uint8)
     difference[known] = np.clip(np.rint(mean - plain) + NO_DIFFERENCE, 1, 255)
     return difference.reshape(-1, 3), known.reshape(-1)
 
@@ -186,13 +218,12 @@ def _shown_differences(
 def _continue_view(
     scene: Scene,
     buffer: TexelBuffer,
-    kinds: UInt8Array,
     viewpoint: Viewpoint,
-    width: int,
     settings: ContinuationSettings,
 ) -> StreetView | None:
     """Complete the partially textured panorama of differences of a viewpoint; None where it shows no difference."""
-    panorama = render_panorama(scene, buffer, viewpoint, (width // 2, width), shaded=False)
+    size = (settings.panorama_width // 2, settings.panorama_width)
+    panorama = render_panorama(scene, buffer, viewpoint, size, shaded=False)
     offset = buffer.layout.offset
     on = (panorama.chart != MISS) & (offset[panorama.chart] >= 0)
     if not panorama.textured[on].any():
@@ -200,11 +231,12 @@ def _continue_view(
     chart, points = panorama.chart[on], panorama.points[on]
     row, column = scene.locate_texels(points, chart)
     texel = offset[chart] + row.astype(np.int64) * scene.placement.width[chart] + column
-    is_shown = panorama.textured[on] & (buffer.provenance[texel] == Provenance.PHOTO)
+    source = np.where(panorama.textured[on], buffer.provenance[texel], Provenance.UNSEEN)
+    is_shown = source == Provenance.PHOTO
     side = 2 * int(np.ceil(scene.visibility_range / settings.cell_m))
     place = (points[:, :2] - viewpoint.position[:2]) / settings.cell_m + side / 2
-    kind = kinds[texel].astype(np.int64)
-    means = _cell_means(panorama, on, is_shown, kind, place, side)
+    kind = buffer.kinds[texel].astype(np.int64)
+    means = _cell_means(panorama.rgb[on], source, kind, place, side)
     filled = np.empty_like(means)
     has_kind = _fill_cells(means, filled)
     decided = has_kind[kind]
@@ -216,25 +248,30 @@ def _continue_view(
     ).astype(np.uint8)
     shown_chart = np.full(panorama.chart.shape, MISS, np.int32)
     shown_chart[on] = np.where(decided, chart, MISS)
-    return StreetView(viewpoint, difference, shown_chart)
+    shown_kind = np.zeros(panorama.chart.shape, np.uint8)
+    shown_kind[on] = kind
+    return StreetView(viewpoint, difference, shown_chart, shown_kind)
 
 
 def _cell_means(
-    panorama: RenderedPanorama, on: BoolArray, is_shown: BoolArray, kind: Int64Array, place: Float64Array, side: int
+    difference: UInt8Array, source: UInt8Array, kind: Int64Array, place: Float64Array, side: int
 ) -> Float64Array:
-    """Return the mean difference (kinds, side, side, 3) of each cell: of its pictures, else of what views decided; NaN of none."""
-    cell = np.clip(place.astype(np.int64), 0, side - 1)
-    index = (kind * side + cell[:, 1]) * side + cell[:, 0]
-    size = (int(kind.max()) + 1) * side * side
-    rgb, textured = panorama.rgb[on], panorama.textured[on]
-    means = np.full((size, 3), np.nan)
-    for chosen in (textured & ~is_shown, is_shown):
-        count = np.bincount(index[chosen], minlength=size)
-        known = count > 0
-        for band in range(3):
-            total = np.bincount(index[chosen], rgb[chosen, band], minlength=size)
-            means[known, band] = total[known] / count[known]
-    return means.reshape(-1, side, side, 3)
+    """Return the mean difference (kinds, side, side, 3) in each cell of what is known of each kind; NaN where nothing is.
+
+    Known is what pictures show, or of a kind that none in the panorama shows, what earlier views decided.
+    """
+    kinds = int(kind.max()) + 1
+    is_shown = source == Provenance.PHOTO
+    is_pictured = np.bincount(kind[is_shown], minlength=kinds) > 0
+    is_known = is_shown | ((source > Provenance.UNSEEN) & ~is_pictured[kind])
+    cell = np.clip(place[is_known].astype(np.int64), 0, side - 1)
+    index = (kind[is_known] * side + cell[:, 1]) * side + cell[:, 0]
+    count = np.bincount(index, minlength=kinds * side * side)
+    bands = difference[is_known].T
+    total = np.stack([np.bincount(index, band, minlength=len(count)) for band in bands], axis=1)
+    means = np.full(total.shape, np.nan)
+    np.divide(total, count[:, None], out=means, where=count[:, None] > 0)
+    return means.reshape(kinds, side, side, 3)
 
 
 @njit(cache=True)

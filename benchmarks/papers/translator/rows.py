@@ -9,18 +9,18 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.papers.translator.colour_grid import NETWORK_HEIGHT
+from benchmarks.papers.translator.neural_translator import ColourNetwork, NeuralTranslator
+from benchmarks.papers.translator.scenes import BLENDINGS, Blending, Translate, between, ingolstadt, walk
+from benchmarks.papers.translator.steps import TrainingRecipe, stack_inputs, tensor_to_image
 from benchmarks.street.truth import interval
-from benchmarks.translator.scenes import BLENDINGS, Blending, Translate, between, ingolstadt, walk
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.lighting.sky import add_sky
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.propagation.render import RenderedPanorama, render_panorama
 from facade_core.street.propagation.texel_buffer import TexelBuffer
-from facade_core.street.translator.colour_grid import NETWORK_HEIGHT
-from facade_core.street.translator.neural_translator import ColourNetwork, NeuralTranslator
-from facade_core.street.translator.translators import MaterialFieldTranslator, Translator
-from training.translator.steps import TrainingRecipe, stack_inputs, tensor_to_image
+from benchmarks.papers.translator.translators import MaterialFieldTranslator, Translator
 
 # Budget of each row.
 BUDGET = TrainingRecipe(width=16, steps=300, batch=2, check=300)
@@ -37,14 +37,14 @@ FACADES_FROM = 0.28
 # Where those begin that show the ground.
 GROUND_FROM = 0.63
 PLACES = ("toulouse", "strasbourg_stra_1")
-# Folders of the pictures that rows and the shipped network learn from, without PLACES.
+# Folders of the pictures that rows and the pretrained network learn from, without PLACES.
 STYLE = ("panoramas", "city/amsterdam/panoramas", "streetphotos/swiss/train")
 # Held out; country roads; other cuts of photos in the Swiss test set.
 EXCLUDED = ("toulouse", "outskirts", "IMG_0772", "IMG_5873", "IMG_6008")
 SIDE = 128
 
 
-def measure(data: Path, models: Path, shipped: ColourNetwork) -> dict[str, Any]:
+def measure(data: Path, models: Path, pretrained: ColourNetwork) -> dict[str, Any]:
     """Kernel distances of every row and blending, means over streets with 95 % bootstrap intervals, and which of the paper's
     orderings hold: only those whose paired differences' intervals exclude zero."""
     scene, own, streets = ingolstadt(data)
@@ -59,7 +59,7 @@ def measure(data: Path, models: Path, shipped: ColourNetwork) -> dict[str, Any]:
             score(name, network(_file(models, name), ROWS[name], painter), blending)
     for name in ("PUT 1", "PUT 2", "PUT 3", "PUT 4"):
         score(name, network(_file(models, name), ROWS[name], painter), "weighted")
-    by_row |= _untrained(scene, own, painter, shipped, real)
+    by_row |= _untrained(scene, own, painter, pretrained, real)
     table = _table(by_row)
     return {
         "budget": {"steps": BUDGET.steps, "width": BUDGET.width, "batch": BUDGET.batch},
@@ -71,23 +71,27 @@ def measure(data: Path, models: Path, shipped: ColourNetwork) -> dict[str, Any]:
     }
 
 
-def shipped_alone(data: Path, shipped: ColourNetwork) -> dict[str, Any]:
-    """The rows of what is shipped: the network, swatches and no texture."""
+def pretrained_alone(data: Path, pretrained: ColourNetwork) -> dict[str, Any]:
+    """The rows of the pretrained network, of the material field and without texture."""
     scene, own, streets = ingolstadt(data)
     painter = MaterialFieldTranslator(scene, MaterialField(scene, streets, seed=7))
-    return {"real": PLACES, "streets": len(own), "rows": _table(_untrained(scene, own, painter, shipped, _real(data)))}
+    return {
+        "real": PLACES,
+        "streets": len(own),
+        "rows": _table(_untrained(scene, own, painter, pretrained, _real(data))),
+    }
 
 
 def _untrained(
     scene: Scene,
     own: list[list[Viewpoint]],
     painter: MaterialFieldTranslator,
-    shipped: ColourNetwork,
+    pretrained: ColourNetwork,
     real: dict[str, np.ndarray],
 ) -> dict[str, dict[str, Any]]:
     translators: dict[str, Translate] = {
-        "exemplar (material field)": lambda panorama, _: painter.translate(panorama),
-        "shipped network": lambda panorama, _: NeuralTranslator(shipped, painter).translate(panorama),
+        "material field": lambda panorama, _: painter.translate(panorama),
+        "pretrained network": lambda panorama, _: NeuralTranslator(pretrained, painter).translate(panorama),
         "untextured": lambda _, bare: bare.rgb,
     }
     return {
@@ -107,7 +111,7 @@ def network(path: Path, recipe: TrainingRecipe, painter: Translator) -> Translat
     """A row's network as a translator."""
     import torch
 
-    from training.translator.network import Generator, apply_grid, image_to_tensor
+    from benchmarks.papers.translator.network import Generator, apply_grid, image_to_tensor
 
     generator = Generator(recipe.width, bands=recipe.bands, equirectangular=recipe.equirectangular)
     generator.load_state_dict(torch.load(path, weights_only=True))
@@ -139,7 +143,7 @@ def _scores(
     scene: Scene, own: list[list[Viewpoint]], translate: Translate, blending: Blending, real: dict[str, np.ndarray]
 ) -> dict[str, list[float]]:
     """Per street: kernel distances of crops of its views to real ones, and the difference of consecutive outputs."""
-    from training.translator.kernel_distance import image_features, kernel_distance
+    from benchmarks.papers.translator.kernel_distance import image_features, kernel_distance
 
     found: dict[str, list[float]] = {"full": [], "crop": [], "ground": [], "difference": []}
     for views in own:
@@ -185,8 +189,8 @@ KINDS: dict[str, Callable[[np.ndarray], list[np.ndarray]]] = {
 
 def _real(data: Path) -> dict[str, np.ndarray]:
     """Features of crops of the panoramas that no network has learnt from, turned ten ways each."""
-    from training.translator.kernel_distance import image_features
-    from training.translator.train import PictureSplitPrefixes, list_pictures, read_picture_sets
+    from benchmarks.papers.translator.kernel_distance import image_features
+    from benchmarks.papers.translator.train import PictureSplitPrefixes, list_pictures, read_picture_sets
 
     held_out = read_picture_sets(list_pictures([data / "panoramas"]), PictureSplitPrefixes(PLACES))[1]
     turned = [np.roll(image, shift, axis=1) for image in (one.image for one in held_out) for shift in range(0, 128, 13)]
@@ -222,10 +226,10 @@ def train_rows(
 
     import torch
 
-    from training.translator import network_training as training
-    from training.translator import steps as training_steps
-    from training.translator.street_renderings import render_training_views
-    from training.translator.train import PictureSplitPrefixes, list_pictures, read_picture_sets
+    from benchmarks.papers.translator import network_training as training
+    from benchmarks.papers.translator import steps as training_steps
+    from benchmarks.papers.translator.street_renderings import render_training_views
+    from benchmarks.papers.translator.train import PictureSplitPrefixes, list_pictures, read_picture_sets
 
     missing = [name for name in rows if not _file(models, name).is_file()]
     if not missing:

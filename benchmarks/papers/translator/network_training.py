@@ -19,13 +19,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from facade_core.core.arrays import UInt8Array
-from facade_core.core.errors import ImageError, ModelFileError
-from facade_core.street.translator.neural_translator import TRANSLATOR_VERSION
-from training.progress import track_progress
-from training.torch_files import read_state, require_torch, write_state
-from training.translator.crops import random_real_crop, random_rendering_crop
-from training.translator.steps import (
+from benchmarks.papers.translator.crops import random_real_crop, random_rendering_crop
+from benchmarks.papers.translator.neural_translator import TRANSLATOR_VERSION
+from benchmarks.papers.translator.steps import (
     TrainingDomains,
     TrainingParts,
     TrainingRecipe,
@@ -35,12 +31,16 @@ from training.translator.steps import (
     step_unpaired,
     tensor_to_image,
 )
+from facade_core.core.arrays import UInt8Array
+from facade_core.core.errors import ImageError, ModelFileError
+from training.progress import track_progress
+from training.torch_files import read_state, require_torch, write_state
 
 if TYPE_CHECKING:
     from torch import Tensor
     from torch import device as TorchDevice  # noqa: N812
 
-    from training.translator.network import Generator
+    from benchmarks.papers.translator.network import Generator
 
 # Called with step, distance, and pictures (h, w, 3) uint8 of inputs above outputs.
 CheckpointCallback = Callable[[int, float, UInt8Array], None]
@@ -105,7 +105,7 @@ def train_generator(
     require_torch()
     import torch
 
-    from training.translator.network import Discriminator, Generator, PatchEmbedding, initialise_weights
+    from benchmarks.papers.translator.network import Discriminator, Generator, PatchEmbedding, initialise_weights
 
     for name, items in vars(domains).items():
         if not items:
@@ -205,8 +205,8 @@ def evaluate_generator(
     """
     import torch
 
-    from training.translator.kernel_distance import image_features, kernel_distance
-    from training.translator.network import apply_grid, reduce_image
+    from benchmarks.papers.translator.kernel_distance import image_features, kernel_distance
+    from benchmarks.papers.translator.network import apply_grid, reduce_image
 
     rng = np.random.default_rng(_EVALUATION_SEED)
     rendered = [random_rendering_crop(domains.judged_rendered, rng) for _ in range(_EVALUATION_CROPS)]

@@ -11,6 +11,7 @@ import numpy as np
 import shapely
 
 from benchmarks.painter.street_truth import synthetic_street
+from benchmarks.papers.translator.crops import PANORAMA_HEIGHT, TrainingRendering
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import InputError
@@ -25,11 +26,10 @@ from facade_core.street.materials.field import MaterialField
 from facade_core.street.propagation.propagate import propagate_panorama
 from facade_core.street.propagation.render import RenderedPanorama, render_panorama
 from facade_core.street.propagation.texel_buffer import TexelBuffer
-from facade_core.street.translator.translators import MaterialFieldTranslator, paint_bare_pixels
+from benchmarks.papers.translator.translators import MaterialFieldTranslator, paint_bare_pixels
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.stages.shared.materials import material_field, rebuild_material_field
 from tasks.stages.streets.panoramas import read_base_layer
-from training.translator.crops import PANORAMA_HEIGHT, TrainingRendering
 
 # Consecutive viewpoints of a sequence of a run's street.
 VIEWPOINTS_PER_SEQUENCE = 4

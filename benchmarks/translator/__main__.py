@@ -1,4 +1,0 @@
-from benchmarks.translator import main
-
-if __name__ == "__main__":
-    main()

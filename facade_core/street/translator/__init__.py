@@ -1,1 +1,0 @@
-"""Translators of partially textured panoramas, and their training."""
