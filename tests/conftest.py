@@ -18,6 +18,7 @@ from tasks.engine.kernel_compilation import compile_kernels_once
 from tasks.publish.published_run import PublishedBlock, open_published_run
 from tests.chromium import browser as browser  # one for all: Playwright is started once in a process
 from tests.pipeline import stages
+from tests.pipeline.painted_panoramas import CAMERAS, PICTURED, write_panoramas
 from tests.pipeline.runs import TYPED, run, write_block
 from tests.sharing import alone
 from tests.skips import find_unknown_reasons
@@ -155,21 +156,22 @@ def undisturbed(block: Path, common: Path) -> tuple[Path, dict[str, Any]]:
 
 
 @pytest.fixture(scope="session")
-def left_to_streets(common: Path) -> Path:
-    """A folder with the smallest block, its walls left to the streets, as `in`, and its stages done, not published, as `out`:
-    made by whichever process of the suite asks first, read by all."""
-    folder, told = common / "left_to_streets", common / "left_to_streets.done"
-    with alone(common, "left_to_streets"):
+def pictured(common: Path) -> Path:
+    """A folder with the smallest block, two panoramas of its ground and no exemplars, as `in`, and its stages done, not
+    published, as `out`: made by whichever process of the suite asks first, read by all."""
+    folder, told = common / "pictured", common / "pictured.done"
+    with alone(common, "pictured"):
         if not told.is_file():
-            stages.texture(stages.write_block(folder / "in", texture={"walls": "translate"}), folder / "out")
+            write_panoramas(folder / "in", CAMERAS)
+            stages.texture(stages.write_block(folder / "in", **PICTURED), folder / "out")
             told.touch()
     return folder
 
 
 @pytest.fixture
-def left_to_streets_copy(left_to_streets: Path, tmp_path: Path) -> Path:
+def pictured_copy(pictured: Path, tmp_path: Path) -> Path:
     """The same, for a test to change."""
-    return Path(shutil.copytree(left_to_streets, tmp_path / "copy"))
+    return Path(shutil.copytree(pictured, tmp_path / "copy"))
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,7 @@ from tasks.engine.stage_code import VERSION
 from tasks.stages.pages.stage import page_memory
 from tasks.stages.shared import memory
 from tasks.stages.shared.images import MAX_EXEMPLAR_SIDE, MAX_PIXELS
-from tasks.stages.streets.memory import street_memory
+from tasks.stages.streets.stage import street_memory
 from tests.pipeline.runs import ROOT
 
 DEPLOY = ROOT / "deploy"
@@ -189,7 +189,7 @@ def test_workers_have_the_memory_that_units_declare(command: list[str]) -> None:
     photo = MAX_PIXELS * memory.PICTURE_PIXEL + 4_000_000 * memory.FACADE_TEXEL
     for unit in (exemplar + memory.DETECTION_BYTES, photo + memory.DETECTION_BYTES, page_memory(MAX_PAGE_TEXELS**2)):
         assert memory.LIBRARY_BYTES + unit <= shared_out
-    assert street_memory(10_000_000, 10_000_000, network=2048 * 1024) <= shared_out
+    assert street_memory(600_000.0) <= shared_out
     for limit in (
         COMPOSE["services"]["worker"]["deploy"]["resources"]["limits"]["memory"],
         dict(pods())["worker"]["spec"]["template"]["spec"]["containers"][0]["resources"]["limits"]["memory"],

@@ -1,4 +1,4 @@
-"""A very small block, textured and published once; each test damages a copy."""
+"""A very small block with one panorama, textured and published once; each test damages a copy."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import pytest
 
 from tasks.engine.run import Run
 from tasks.publish.task import publish_block
+from tests.pipeline.painted_panoramas import CAMERAS, PICTURED, write_panoramas
 from tests.pipeline.stages import BUILDINGS, STREETS, texture, write_block
 from tests.sharing import alone
 
@@ -26,7 +27,9 @@ def textured(common: Path) -> tuple[Path, Run]:
     streets = {(LONG if name == "3" else name): line for name, line in STREETS.items()}
     with alone(common, "small"):
         if not told.is_file():
-            block = write_block(folder / "block", buildings=buildings, streets=streets)
+            write_panoramas(folder / "block", {"a-1": CAMERAS["a-1"]})
+            imagery = PICTURED["imagery"] | {"exemplars": {"path": "exemplars"}}
+            block = write_block(folder / "block", buildings=buildings, streets=streets, imagery=imagery)
             made = texture(block, folder / "out").run
             publish_block.fn(made, block)
             told.write_bytes(pickle.dumps(made))

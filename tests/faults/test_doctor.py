@@ -14,7 +14,7 @@ from click.testing import CliRunner
 
 from catalogs.block.reader import read_block
 from catalogs.published.snapshot import current_snapshot
-from facade_core.atlas.journal import clear_record, write_record
+from facade_core.atlas.journal import clear_record
 from facade_core.atlas.store import BRANCH, commit, open_repository
 from flows.cli.commands import command_line
 from flows.lock import lock_folder
@@ -25,7 +25,7 @@ from tasks.engine.run_key import create_run
 from tasks.engine.store.integrity import is_store_marked_suspect, repair_store
 from tasks.engine.store.status import record_run_block_file
 from tasks.stages.ingest.task import ingest_block
-from tests.pipeline.stages import viewpoint_with_panorama
+from tests.pipeline.stages import stored_view
 
 
 def wrong(out: Path) -> dict[str, str]:
@@ -36,21 +36,24 @@ def contents(out: Path) -> set[str]:
     return {path.relative_to(out).as_posix() for path in out.rglob("*")}
 
 
-def garble_panorama(run: Run) -> None:
+def garble_view(run: Run) -> None:
     session = open_repository(run.store).writable_session(BRANCH)
     group = zarr.open_group(session.store)
-    panoramas, number = group["panoramas/rgb"], viewpoint_with_panorama(group)
-    panoramas[number] = 255 - panoramas[number]
+    view = group[stored_view(group)]
+    view[:] = 255 - view[:]
     commit(session, "garbled")
 
 
-def forget_viewpoint(run: Run) -> None:
+def lose_view(run: Run) -> None:
     session = open_repository(run.store).writable_session(BRANCH)
     group = zarr.open_group(session.store)
-    clear_record(group, "viewpoints", 1)
-    street = int(group["viewpoints/street"][1])
-    record = json.loads(group["journal/streets"][street].item())
-    write_record(group, "streets", street, record | {"chain": "of the viewpoints that were there"})
+    del group[stored_view(group)]
+    commit(session, "lost")
+
+
+def forget_street(run: Run) -> None:
+    session = open_repository(run.store).writable_session(BRANCH)
+    clear_record(zarr.open_group(session.store), "streets", 1)
     commit(session, "forgotten")
 
 
@@ -75,10 +78,10 @@ def cut_snapshot(run: Run) -> None:
 @pytest.mark.parametrize(
     ("damage", "concern", "said"),
     [
-        (garble_panorama, "store", "texels differ from the digests of their records"),
-        (forget_viewpoint, "store", "streets whose viewpoints are not done: 1"),
+        (garble_view, "store", "texels differ from the digests of their records"),
+        (lose_view, "store", "records without their data: 1 streets"),
         (lose_exemplar, "store", "records without their data: 1 exemplars"),
-        (forget_viewpoint, "units", " done, 1 waiting"),
+        (forget_street, "units", " done, 1 waiting"),
         (lose_model, "published", "block.glb is missing"),
         (cut_snapshot, "store", "the newest snapshot cannot be read"),
     ],
@@ -92,7 +95,7 @@ def test_what_is_damaged_is_said_with_what_mends_it(
     assert said in found[concern]
     assert f"--out {out}`" in found[concern]
     assert "\n" not in found[concern]
-    if damage is garble_panorama:
+    if damage is garble_view:
         assert is_store_marked_suspect(out)  # no size shows it: the next run looks at everything
         assert "lost what they made" in repair_store(run)[0]
 

@@ -24,9 +24,9 @@ THREADS, ROUNDS = 4, 40
 @pytest.fixture
 def store(tmp_path: Path) -> Path:
     session = open_repository(tmp_path / "store", create=True).writable_session(BRANCH)
-    units = {"poses": 0, "exemplars": 1, "textures": 1, "facades": 1, "viewpoints": THREADS * ROUNDS, "streets": 1}
+    units = {"poses": 0, "exemplars": 1, "textures": 1, "facades": 1, "streets": THREADS * ROUNDS}
     spec = AtlasSpec(1, 20.0, page=256)
-    create_arrays(create_root(session), spec, units, crs="EPSG:32635", panorama_width=16)
+    create_arrays(create_root(session), spec, units, crs="EPSG:32635")
     commit(session, "arrays")
     return tmp_path / "store"
 
@@ -36,13 +36,13 @@ def test_no_commit_is_lost_among_threads_that_finish_units_and_forget_units(stor
     run, plan = cast(Any, SimpleNamespace(store=store)), cast(Any, SimpleNamespace(scene=scene))
 
     def texture(thread: int) -> list[str]:
-        """As a street does: units one after the other, with one that is due again now and then."""
+        """Units one after the other, with one that is due again now and then."""
         made = []
         for unit in range(thread * ROUNDS, (thread + 1) * ROUNDS):
             session, fork = fork_store(store)
-            made.append(commit_units(session, fork, "viewpoints", {unit: {"unit": str(unit), "key": "k"}}, str(unit)))
+            made.append(commit_units(session, fork, "streets", {unit: {"unit": str(unit), "key": "k"}}, str(unit)))
             if unit % 2:
-                delete_unit_results(run, plan, "viewpoints", {unit: []})
+                delete_unit_results(run, plan, "streets", {unit: []})
         return made
 
     with ThreadPoolExecutor(THREADS) as threads:
@@ -51,7 +51,7 @@ def test_no_commit_is_lost_among_threads_that_finish_units_and_forget_units(stor
     history = [snapshot.id for snapshot in repository.ancestry(branch=BRANCH)]
     assert set(made) <= set(history)
     assert len(history) == 2 + THREADS * (ROUNDS + ROUNDS // 2)
-    records = read_journal(zarr.open_group(repository.readonly_session(BRANCH).store, mode="r"), "viewpoints")
+    records = read_journal(zarr.open_group(repository.readonly_session(BRANCH).store, mode="r"), "streets")
     assert [bool(record) for record in records] == [True, False] * (THREADS * ROUNDS // 2)
 
 
@@ -59,4 +59,4 @@ def test_a_commit_that_another_process_overwrote_is_said(store: Path, monkeypatc
     session, fork = fork_store(store)
     monkeypatch.setattr(Repository, "lookup_branch", lambda repository, branch: "ELSEWHERE")
     with pytest.raises(StoreError, match=r"^unit: the commit \w+ is lost.*another process writes.*run again$"):
-        commit_units(session, fork, "viewpoints", {0: {"unit": "0", "key": "k"}}, "unit")
+        commit_units(session, fork, "streets", {0: {"unit": "0", "key": "k"}}, "unit")

@@ -90,7 +90,7 @@ def test_a_killed_worker_repeats_what_it_had_and_a_late_one_is_used(
     assert "late" in committed.values()
 
 
-def test_workers_killed_among_facades_and_in_a_street(
+def test_workers_killed_among_facades_and_among_surfaces(
     block: Path,
     undisturbed: tuple[Path, dict[str, Any]],
     tmp_path: Path,
@@ -106,7 +106,7 @@ def test_workers_killed_among_facades_and_in_a_street(
         cluster.worker("three")
         cluster.joined(2)
         cluster.processes["two"].send_signal(signal.SIGCONT)
-        wait_until(lambda: done(out, "viewpoints") >= 3)
+        wait_until(lambda: done(out, "surfaces") >= 3)
         cluster.kill("two")
         summary = finish(process)
     assert summary["atlas_digest"] == undisturbed[1]["atlas_digest"]
@@ -115,6 +115,6 @@ def test_workers_killed_among_facades_and_in_a_street(
     commits = Counter(s.message for s in open_repository(out / "store").ancestry(branch=BRANCH))
     assert {message: n for message, n in commits.items() if n > 1} == {}
     workers = {
-        record["worker"] for stage in ("facades", "viewpoints") for record in read_newest_journal(out / "store", stage)
+        record["worker"] for stage in ("facades", "surfaces") for record in read_newest_journal(out / "store", stage)
     }
     assert "three" in workers

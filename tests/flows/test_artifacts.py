@@ -48,7 +48,6 @@ def test_facades_are_a_table_failed_ones_first(told: dict[str, tuple[Any, str]],
     run = SimpleNamespace(out=str(tmp_path), block="demo", store=tmp_path / "store")
     summary = {
         "facades_done": 1,
-        "viewpoints": 3,
         "units_done": 2,
         "units_skipped": 0,
         "failures": [{"unit": "w9", "reason": "no roof"}],

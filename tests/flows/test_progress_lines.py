@@ -79,13 +79,13 @@ def test_progress_names_what_runs_and_what_is_left(tmp_path: Path) -> None:
     progress.running += ["a", "b"]
     printed = block_output_path(tmp_path, "b")
     printed.parent.mkdir()
-    printed.write_text("streetloom: first\nstreetloom: viewpoints: 10 of 69, about 20 s left\n")
+    printed.write_text("streetloom: first\nstreetloom: streets: 10 of 69, about 20 s left\n")
     now[0] = 300.0
     done = round(100 * load_cost_model().counted.facades)
     progress.end_block("a", log.with_result("a", BlockResult(0, summary={"facades_done": done})))
     line = progress.describe()
     assert f"1 of 4 blocks, {done} of about 4" in line
-    assert "running b (viewpoints: 10 of 69, about 20 s left)" in line
+    assert "running b (streets: 10 of 69, about 20 s left)" in line
     assert re.search("about 1[45] min left", line), "three more blocks at the pace of the first"
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -16,6 +17,13 @@ from tests.pipeline.stages import BUILDINGS, EAST, NORTH, STREETS, write_block
 WIDTH = 1536
 HEIGHT_M = 2.5
 FAR = 600.0  # houses c and d stand this far north of a and b
+# Panoramas before houses a and c: streets 1 and 2 show ground of the first, street 3 that of the second.
+CAMERAS = {"a-1": (8.0, -1.0, HEIGHT_M), "c-1": (9.0, FAR - 1, HEIGHT_M)}
+# Keys of a block of panoramas whose other walls have their material alone.
+PICTURED: dict[str, Any] = {
+    "imagery": {"panoramas": {"path": "panoramas", "poses": "poses.json"}},
+    "texture": {"walls": "translate"},
+}
 WALL = paint_facade((12.0, 7.0), floors=2, columns=4, style="jugend", metres_per_pixel=0.04, seed=2).image
 # The ground from 10 m south and 10 m west of where streets begin, four pixels a metre.
 PAVED = cv2.resize(np.random.default_rng(4).integers(60, 190, (44, 84), np.uint8), (168, 88)).astype(np.uint8)

@@ -178,6 +178,11 @@ def digests_of(out: Path) -> tuple[str, dict[str, str]]:
     return atlas_digest(group), latest_chart_digests(read_journal(group, "surfaces"))
 
 
+def stored_view(group: Any) -> str:
+    """The path of what the first viewpoint decided that shows pictured ground."""
+    return next(path for record in read_journal(group, "streets") if record for path in record.get("files", ()))
+
+
 def _do(run: Run, due: PendingUnits, compute: SerialCompute) -> UnitOutcomeCounts:
     outcome = UnitOutcomeCounts(refused=list_units_with_rejections(due.done))
     if due.pieces:

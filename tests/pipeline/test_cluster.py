@@ -138,7 +138,7 @@ def test_a_scheduler_that_goes_away_ends_the_run_in_one_line_and_the_next_goes_o
     assert summary["atlas_digest"] == undisturbed[1]["atlas_digest"]
     assert summary["facades_failed"] == 0
     workers = {
-        record["worker"] for stage in ("facades", "viewpoints") for record in read_newest_journal(out / "store", stage)
+        record["worker"] for stage in ("facades", "surfaces") for record in read_newest_journal(out / "store", stage)
     }
     assert workers <= {"one", "two", "three", "four"}
     assert {"three", "four"} <= workers

@@ -40,7 +40,7 @@ from tests.pipeline.deployed import (
     until,
 )
 from tests.pipeline.runs import PATIENCE_S, ROOT, command, working_in
-from tests.pipeline.stages import STREETS, digests_of, texture, write_block, write_photo
+from tests.pipeline.stages import digests_of, texture, write_block, write_photo
 
 if TYPE_CHECKING:
     from prefect.client.schemas.objects import FlowRun, State
@@ -139,9 +139,10 @@ def test_tasks_are_named_after_what_they_do(site: Site, finished: tuple[Path, Fl
     with site.client() as client:
         tasks = client.read_task_runs(flow_run_filter=FlowRunFilter(id=FlowRunFilterId(any_=[finished[1].id])))
     names = {task.name for task in tasks}
-    assert names >= {"ingest", *(f"street street {number}" for number in STREETS), "publish"}
+    assert names >= {"ingest", "publish"}
+    assert any(name.startswith("streets 1 of ") for name in names)
     for name in names - {"ingest", "publish"}:
-        assert re.fullmatch(r"(exemplars|facades|surfaces|pages|tiles|pictures) \d+ of \d+|street street \d", name)
+        assert re.fullmatch(r"(exemplars|facades|streets|surfaces|pages|tiles|pictures) \d+ of \d+", name)
 
 
 def test_the_same_atlas_as_without_deployments(

@@ -38,11 +38,11 @@ def test_a_store_of_before_goes_on(before: tuple[Run, Block]) -> None:
     assert outline.anew is None
     group = open_root(open_repository(run.store).readonly_session("main"))
     assert group.attrs["format"] == STORE_FORMAT
-    for stage in ("exemplars", "facades", "viewpoints", "streets", "surfaces"):
+    for stage in ("exemplars", "facades", "streets", "surfaces"):
         records, were = read_journal(group, stage), read_journal(held, stage)
         assert all(records)
         assert list(records) == list(were)
-    for path in ("atlas/colour", "atlas/provenance", "facade_maps/labels", "panoramas/rgb"):
+    for path in ("atlas/colour", "atlas/provenance", "facade_maps/labels"):
         assert held[path][:].any()
         assert (group[path][:] == held[path][:]).all()
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,11 @@ from PIL import Image, ImageOps
 from catalogs.block.corrections import Correction, append_corrections_to_file
 from catalogs.block.reader import read_block
 from facade_core.atlas.journal import Record, read_journal
+from facade_core.atlas.rasters import TexelLayout, read_rasters
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
+from facade_core.core.provenance import Provenance
+from facade_core.geometry.charts import ChartKind
+from facade_core.plan.plan_tables import read_plan
 from tasks.engine.compute.serial import SerialCompute
 from tasks.engine.context import load_run_plan
 from tasks.engine.fan_out import process_batch
@@ -29,11 +33,10 @@ from tasks.engine.store.integrity import find_lost_units
 from tasks.engine.store.status import completion_summary
 from tasks.publish.task import publish_block
 from tasks.stages.exemplars.record import ExemplarRecord
-from tasks.stages.streets.panoramas import is_panorama_in_report
 from tasks.stages.surfaces.stage import SURFACES
+from tests.pipeline.painted_panoramas import CAMERAS, FAR, PICTURED, write_panoramas
 from tests.pipeline.stages import (
     BUILDINGS,
-    EAST,
     STREETS,
     Textured,
     charts_of,
@@ -50,8 +53,10 @@ pytestmark = pytest.mark.long
 Again = Callable[..., tuple[set[str], Textured]]
 ALL_STREETS = {"s1", "s2", "s3"}
 # Stages whose units follow from what the others do.
-FOLLOW = ("viewpoints", "surfaces", "pages", "tiles", "pictures")
-LEFT: dict[str, Any] = {"texture": {"walls": "translate"}}
+FOLLOW = ("surfaces", "pages", "tiles", "pictures")
+PLAIN: dict[str, Any] = {"texture": {"walls": "translate"}}
+# A house that panoramas do not show; of the streets, only the third sees it.
+FAR_HOUSE = {"f": (70.0, 604.0, 12.0, 2.8, 7.0)}
 
 
 @pytest.fixture(scope="module")
@@ -63,8 +68,16 @@ def seeded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The block without any pictures: its streets have nothing to do."""
+    folder = tmp_path_factory.mktemp("plain")
+    texture(write_block(folder / "in", **PLAIN), folder / "out")
+    return folder
+
+
 def again(folder: Path) -> tuple[set[str], Textured]:
-    """Run the block in a folder again: the facades, exemplars and streets that were done, and what was said."""
+    """Run the block in a folder again: the units that were done, but those that follow from others, and what was said."""
     before = started(folder / "out")
     made = texture(folder / "in" / "block.yaml", folder / "out")
     return {unit for stage, unit in redone(before, folder / "out") if stage not in FOLLOW}, made
@@ -92,33 +105,41 @@ def assert_as_fresh(folder: Path, made: Textured) -> None:
     assert digests_of(folder / "out") == digests_of(folder / "fresh")
 
 
-def test_with_nothing_changed_nothing_is_done(left_to_streets: Path, tmp_path: Path) -> None:
-    folder = copied(left_to_streets, tmp_path)
+def test_with_nothing_changed_nothing_is_done(pictured: Path, tmp_path: Path) -> None:
+    folder = copied(pictured, tmp_path)
     done, made = again(folder)
     assert done == set()
     assert made.said == NOTHING_PENDING
 
 
-def test_a_building_raised(left_to_streets: Path, tmp_path: Path) -> None:
-    folder = copied(left_to_streets, tmp_path)
-    write_block(folder / "in", buildings=BUILDINGS | {"c": (*BUILDINGS["c"][:4], 9.0)}, **LEFT)
+def test_a_building_raised(plain: Path, tmp_path: Path) -> None:
+    folder = copied(plain, tmp_path)
+    write_block(folder / "in", buildings=BUILDINGS | {"c": (*BUILDINGS["c"][:4], 9.0)}, **PLAIN)
     done, made = again(folder)
-    assert done == {"c-0", "s3"}
-    said = "pending: 1 of 6 facades (geometry changed), 1 of 3 streets (visible surfaces changed), "
-    assert (made.said or "").startswith(said)
+    assert done == {"c-0"}
+    assert (made.said or "").startswith("pending: 1 of 6 facades (geometry changed), ")
     assert_as_fresh(folder, made)
 
 
-def test_a_building_removed_and_another_added(left_to_streets: Path, tmp_path: Path) -> None:
-    folder = copied(left_to_streets, tmp_path)
-    fewer = {name: box for name, box in BUILDINGS.items() if name != "d"}
-    write_block(folder / "in", buildings=fewer, **LEFT)
-    done, _ = again(folder)
-    assert done == {"s3"}
-    places = dict(zip(*_places(folder), strict=True))
-    write_block(folder / "in", buildings={"0": (20.0, 605, 9, 2.8, 8.0), **fewer}, **LEFT)
+def test_a_building_that_one_street_sees(pictured: Path, tmp_path: Path) -> None:
+    folder = copied(pictured, tmp_path)
+    write_block(folder / "in", buildings=BUILDINGS | FAR_HOUSE, **PICTURED)
     done, made = again(folder)
-    assert done == {"0-0", "s3"}
+    assert done == {"c-1.jpg", "s3"}
+    assert "1: visible surfaces changed" in (made.said or "")
+    assert_as_fresh(folder, made)
+
+
+def test_a_building_removed_and_another_added(plain: Path, tmp_path: Path) -> None:
+    folder = copied(plain, tmp_path)
+    fewer = {name: box for name, box in BUILDINGS.items() if name != "d"}
+    write_block(folder / "in", buildings=fewer, **PLAIN)
+    done, _ = again(folder)
+    assert done == set()
+    places = dict(zip(*_places(folder), strict=True))
+    write_block(folder / "in", buildings={"0": (20.0, 605, 9, 2.8, 8.0), **fewer}, **PLAIN)
+    done, made = again(folder)
+    assert done == {"0-0"}
     kept = dict(zip(*_places(folder), strict=True))
     walls = {chart for chart in places if chart in kept}
     assert len(walls) > 30
@@ -126,22 +147,27 @@ def test_a_building_removed_and_another_added(left_to_streets: Path, tmp_path: P
     assert_as_fresh(folder, made)
 
 
-def test_settings_reach_what_reads_them(left_to_streets: Path, tmp_path: Path) -> None:
-    folder = copied(left_to_streets, tmp_path)
-    write_block(folder / "in", **LEFT, storey=3.4, geoid_separation=17.0)
+def test_settings_reach_what_reads_them(plain: Path, tmp_path: Path) -> None:
+    folder = copied(plain, tmp_path)
+    write_block(folder / "in", **PLAIN, storey=3.4, geoid_separation=17.0)
     assert again(folder)[0] == set()
     before = started(folder / "out")
-    write_block(folder / "in", texture=LEFT["texture"] | {"levelling": False})
+    write_block(folder / "in", texture=PLAIN["texture"] | {"levelling": False})
     assert again(folder)[0] == set()
     assert surfaces_since(before, folder) == {*BUILDINGS, "ground"}
-    write_block(folder / "in", texture=LEFT["texture"] | {"viewpoint_spacing": 8.0})
+
+
+def test_other_viewpoints_are_another_street(pictured: Path, tmp_path: Path) -> None:
+    folder = copied(pictured, tmp_path)
+    write_block(folder / "in", **PICTURED | {"texture": PICTURED["texture"] | {"viewpoint_spacing": 8.0}})
     done, made = again(folder)
     assert done == ALL_STREETS
     assert (made.said or "").startswith("pending: 3 of 3 streets (visible surfaces changed), ")
+    assert_as_fresh(folder, made)
 
 
-def test_a_surface_that_fails_leaves_nothing_of_before(left_to_streets: Path, tmp_path: Path) -> None:
-    folder = copied(left_to_streets, tmp_path)
+def test_a_surface_that_fails_leaves_nothing_of_before(pictured: Path, tmp_path: Path) -> None:
+    folder = copied(pictured, tmp_path)
     block, made = read_block(folder / "in" / "block.yaml"), texture(folder / "in" / "block.yaml", folder / "out")
     plan, before = load_run_plan(made.run), charts_of(made.run)
     group = open_root(open_repository(made.run.store).readonly_session(BRANCH))
@@ -164,17 +190,58 @@ def test_a_surface_that_fails_leaves_nothing_of_before(left_to_streets: Path, tm
     assert_as_fresh(folder, made)
 
 
-def test_a_street_that_goes_takes_its_texels_along(left_to_streets: Path, tmp_path: Path) -> None:
-    folder = copied(left_to_streets, tmp_path)
-    write_block(folder / "in", streets={name: line for name, line in STREETS.items() if name != "2"}, **LEFT)
+def test_a_street_that_goes_takes_its_texels_along(pictured: Path, tmp_path: Path) -> None:
+    folder = copied(pictured, tmp_path)
+    write_block(folder / "in", streets={name: line for name, line in STREETS.items() if name != "2"}, **PICTURED)
     done, made = again(folder)
-    assert "s3" not in done
+    assert "c-1.jpg" not in done
     assert_as_fresh(folder, made)
 
 
-def test_a_street_whose_id_goes_to_another_line(left_to_streets: Path, tmp_path: Path) -> None:
-    folder = copied(left_to_streets, tmp_path)
-    write_block(folder / "in", streets={**STREETS, "1": [(60, -15), (60, 25)], "4": STREETS["1"]}, **LEFT)
+def test_a_panorama_changed_reaches_streets(pictured: Path, tmp_path: Path) -> None:
+    folder = copied(pictured, tmp_path)
+    write_panoramas(folder / "in", CAMERAS | {"c-1": (10.5, FAR - 1, CAMERAS["c-1"][2])})
+    done, made = again(folder)
+    assert done >= ALL_STREETS, "material of ground is learnt from all that is pictured"
+    assert "a-1.jpg" not in done
+    assert "3 of 3 streets (their inputs are pending)" in (made.said or "")
+    assert_as_fresh(folder, made)
+
+
+def test_a_street_without_its_panorama_shows_its_material(pictured: Path, tmp_path: Path) -> None:
+    folder = copied(pictured, tmp_path)
+    assert all(views_of(folder).values())
+    assert Provenance.TRANSLATED in provenance_beside_street_3(pictured)
+    (folder / "in" / "panoramas" / "c-1.jpg").unlink()
+    write_panoramas(folder / "in", {"a-1": CAMERAS["a-1"]})
+    _, made = again(folder)
+    views = views_of(folder)
+    assert views["s1"]
+    assert views["s3"] == {}
+    assert Provenance.TRANSLATED not in provenance_beside_street_3(folder)
+    assert_as_fresh(folder, made)
+
+
+def views_of(folder: Path) -> dict[str, Mapping[str, str]]:
+    """Return what the store holds of the viewpoints of each street, path -> digest."""
+    return {r["unit"]: r.get("files", {}) for r in read_newest_journal(folder / "out" / "store", "streets") if r}
+
+
+def provenance_beside_street_3(folder: Path) -> set[int]:
+    """Return the sources of the texels of the ground that only street 3 shows."""
+    session = open_repository(folder / "out" / "store").readonly_session(BRANCH)
+    group, plan = open_root(session), read_plan(session)
+    charts = plan.charts_of_street([one.id for one in plan.streets].index("s3"))
+    ground = charts[plan.scene.charts.kind[charts] == ChartKind.GROUND].tolist()
+    flat = read_rasters(
+        group["atlas/provenance"], plan.scene.placement, TexelLayout.of_charts(plan.scene.placement, ground)
+    )
+    return set(np.unique(flat).tolist())
+
+
+def test_a_street_whose_id_goes_to_another_line(pictured: Path, tmp_path: Path) -> None:
+    folder = copied(pictured, tmp_path)
+    write_block(folder / "in", streets={**STREETS, "1": [(60, -15), (60, 25)], "4": STREETS["1"]}, **PICTURED)
     _, made = again(folder)
     assert_as_fresh(folder, made)
 
@@ -191,17 +258,15 @@ def test_two_exemplars_of_one_name_are_two(seeded: Path, tmp_path: Path) -> None
     assert find_differing_units(open_root(session), load_run_plan(made.run)) == find_lost_units(session) == {}
 
 
-def test_a_run_that_stops_halfway_goes_on(left_to_streets: Path, tmp_path: Path) -> None:
-    folder = copied(left_to_streets, tmp_path)
-    block = write_block(folder / "in", buildings=BUILDINGS | {"e": (*BUILDINGS["e"][:4], 9.0)}, **LEFT)
-    waves = {r["unit"]: r["wave"] for r in read_newest_journal(folder / "out" / "store", "streets") if r}
-    last = max("s1", "s2", key=lambda unit: waves[unit])
+def test_a_run_that_stops_halfway_goes_on(pictured: Path, tmp_path: Path) -> None:
+    folder = copied(pictured, tmp_path)
+    block = write_block(folder / "in", buildings=BUILDINGS | FAR_HOUSE, **PICTURED)
     before = started(folder / "out")
-    texture(block, folder / "out", stop_before=f"street {last[1:]}")
+    texture(block, folder / "out", stop_before="streets")
     halfway = {unit for stage, unit in redone(before, folder / "out") if stage not in FOLLOW}
-    assert halfway >= {"s1", "s2"} - {last} | {"e-3"}
+    assert halfway == {"c-1.jpg"}
     done, made = again(folder)
-    assert done == {last}
+    assert done == {"s3"}
     assert_as_fresh(folder, made)
 
 
@@ -217,25 +282,14 @@ def records_of(folder: Path) -> dict[str, Record]:
 def test_a_photo_changed(seeded: Path, tmp_path: Path) -> None:
     folder = copied(seeded, tmp_path)
     write_photo(folder / "in", "a-0", 2)
-    all_before = started(folder / "out")
-    before = {unit: at for (stage, unit), at in all_before.items() if stage == "viewpoints"}
+    before = started(folder / "out")
     done, made = again(folder)
-    assert surfaces_since(all_before, folder) == {"a"}
-    see = set().union(*(_panoramas_that_show(made, wall) for wall in walls_of("a")))
-    assert 1 <= len(see) < len(before)
-    assert done == walls_of("a"), "what streets made of their own texels stands"
+    assert surfaces_since(before, folder) == {"a"}
+    assert done == walls_of("a")
     assert made.said is not None
     facades = r"4 of \d+ facades \(3: pictures of the building changed, 1: photo changed\)"
-    viewpoints = rf"{len(see)} of {len(before)} viewpoints \(surfaces that they show"
-    assert re.match(rf"pending: {facades}, {viewpoints}", made.said)
-    after = {unit: at for (stage, unit), at in started(folder / "out").items() if stage == "viewpoints"}
-    assert {unit for unit in before if after[unit] != before[unit]} == see
+    assert re.match(rf"pending: {facades}, 1 of \d+ surfaces ", made.said)
     assert_as_fresh(folder, made)
-    shown = [
-        [r.get("panorama") for r in read_newest_journal(folder / out / "store", "viewpoints") if r]
-        for out in ("out", "fresh")
-    ]
-    assert shown[0] == shown[1]
 
 
 def test_an_exemplar_changed(seeded: Path, tmp_path: Path) -> None:
@@ -285,44 +339,45 @@ def test_a_photo_that_comes_or_is_refused_changes_its_own_building_alone(seeded:
     assert set(made.refused) == told, "again, as long as it is so"
 
 
-def test_another_seed_is_told_as_one(left_to_streets: Path, tmp_path: Path) -> None:
-    folder = copied(left_to_streets, tmp_path)
-    write_block(folder / "in", **LEFT, seed=4)
-    # facades that are left to streets take no random choice
-    assert (again(folder)[1].said or "").startswith("pending: 3 of 3 streets (block's settings changed), ")
+def test_another_seed_is_told_as_one(plain: Path, pictured: Path, tmp_path: Path) -> None:
+    for number, (made_of, keys) in enumerate(((plain, PLAIN), (pictured, PICTURED))):
+        folder = copied(made_of, tmp_path / str(number))
+        write_block(folder / "in", **keys, seed=4)
+        said = again(folder)[1].said or ""
+        if made_of is plain:  # facades without a picture take no random choice
+            assert said.startswith("pending: 32 of 32 surfaces (block's settings changed); ")
+        else:
+            assert ", 3 of 3 streets (block's settings changed), " in said
 
 
-def test_the_density_reaches_everything(left_to_streets: Path, tmp_path: Path) -> None:
-    folder = copied(left_to_streets, tmp_path)
+def test_the_density_reaches_everything(pictured: Path, tmp_path: Path) -> None:
+    folder = copied(pictured, tmp_path)
     before = set(started(folder / "out"))
-    write_block(folder / "in", texture=LEFT["texture"] | {"texels_per_metre": 4})
+    write_block(folder / "in", **PICTURED | {"texture": PICTURED["texture"] | {"texels_per_metre": 4}})
     held = started(folder / "out")
     made = texture(folder / "in" / "block.yaml", folder / "out")
     assert redone(held, folder / "out") >= before
     assert made.said == "everything is pending: texture.texels_per_metre was 3 and is 4"
 
 
-def test_units_done_by_other_code_are_due(
-    left_to_streets: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    folder = copied(left_to_streets, tmp_path)
-    for reader in ("tasks.engine.stage.stage_code_digest", "tasks.stages.streets.keys.stage_code_digest"):
-        monkeypatch.setattr(reader, _other_code("facades"))
+def test_units_done_by_other_code_are_due(pictured: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = copied(pictured, tmp_path)
+    monkeypatch.setattr("tasks.engine.stage.stage_code_digest", _other_code("facades"))
     done, made = again(folder)
-    assert done - ALL_STREETS == {unit for stage, unit in started(folder / "out") if stage == "facades"}
+    assert done == {unit for stage, unit in started(folder / "out") if stage == "facades"}
     assert made.said is not None
     assert "6 of 6 facades (code or a library changed)" in made.said
 
 
 def test_other_code_that_ingests_takes_over_what_is_the_same(
-    left_to_streets: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    pictured: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    folder = copied(left_to_streets, tmp_path)
+    folder = copied(pictured, tmp_path)
     for reader in ("tasks.engine.run_key.stage_code_digest", "tasks.stages.ingest.task.stage_code_digest"):
         monkeypatch.setattr(reader, _other_code("ingest"))
     done, made = again(folder)
     assert done == set()
-    assert made.run.key != _key_of(left_to_streets)
+    assert made.run.key != _key_of(pictured)
     assert made.said == NOTHING_PENDING
 
 
@@ -342,9 +397,9 @@ def test_a_store_from_before_a_stage_was_there_goes_on(seeded: Path, tmp_path: P
 
 
 def test_other_code_that_publishes_does_nothing_else(
-    left_to_streets: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    pictured: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    folder = copied(left_to_streets, tmp_path)
+    folder = copied(pictured, tmp_path)
     run = create_run(read_block(folder / "in" / "block.yaml"), folder / "out")
     first = publish_block.fn(run)
     done = completion_summary(run)
@@ -391,40 +446,10 @@ def _places(folder: Path) -> tuple[list[int], list[tuple[int, int, int]]]:
     )
 
 
-def _panoramas_that_show(made: Textured, facade: str) -> set[str]:
-    """The viewpoints whose panorama is stored and shows a facade."""
-    plan = load_run_plan(made.run)
-    chart = plan.facades.chart[plan.facades.id.index(facade)]
-    return {
-        f"{plan.streets[street].id}/{step}"
-        for street in range(len(plan.streets))
-        for step, viewpoint in enumerate(plan.street_viewpoints(street))
-        if chart in plan.charts_of_viewpoint(viewpoint.id) and is_panorama_in_report(plan, viewpoint)
-    }
-
-
-def test_a_corrected_height_reaches_only_viewpoints_that_see_it(tmp_path: Path) -> None:
-    """Along a street of houses one grows by a decimetre: far viewpoints see no more than its eaves, above all else."""
-    houses = {f"h{number}": (20.0 * number, 4.0, 14.0, 3.0, 7.0) for number in range(8)}
-    write_block(tmp_path / "in", buildings=houses, streets={"1": [(0, 0), (155, 0)]})
-    texture(tmp_path / "in" / "block.yaml", tmp_path / "out")
-    before = started(tmp_path / "out")
-    append_corrections_to_file(tmp_path / "in" / "block.yaml", [Correction("h7", "height", 8.0)])
-    made = texture(tmp_path / "in" / "block.yaml", tmp_path / "out")
-    done = {unit for stage, unit in redone(before, tmp_path / "out") if stage == "viewpoints"}
-    plan = load_run_plan(made.run)
-    stored = {f"s1/{step}" for step, one in enumerate(plan.street_viewpoints(0)) if is_panorama_in_report(plan, one)}
-    near = {f"s1/{step}" for step, one in enumerate(plan.viewpoints) if one.position[0] - EAST > 100}
-    assert done
-    assert done <= near | stored
-    assert len(done) < len(plan.viewpoints) / 2
-    assert_as_fresh(tmp_path, made)
-
-
 def test_corrected_elements_reach_the_surface_of_a_wall_whose_colours_stay(tmp_path: Path) -> None:
     """The material of the building is measured beside the labels of its windows."""
     write_photo(tmp_path / "in", "a-0", 1)
-    block_file = write_block(tmp_path / "in", **LEFT)
+    block_file = write_block(tmp_path / "in", texture={"walls": "translate"})
     texture(block_file, tmp_path / "out")
     seed = records_of(tmp_path)["a-0"]["digests"]
     append_corrections_to_file(block_file, [Correction("a-0", "elements", [["window", 0.02, 0.02, 0.6, 0.6]])])

@@ -104,7 +104,7 @@ def test_a_later_snapshot_is_published_beside_the_first(
     assert {source["key"] for source in block_item["streetloom:sources"]} >= {"buildings.path", "streets.path"}
     assert block_item["streetloom:facades_done"] == undisturbed[1]["facades_done"]
     said = json.loads((stac / "runs" / "run.json").read_text())["properties"]
-    assert said["streetloom:units"]["viewpoints"] == {"done": undisturbed[1]["viewpoints"]}
+    assert said["streetloom:units"]["facades"] == {"done": undisturbed[1]["facades_done"]}
     assert said["start_datetime"] < said["end_datetime"]
     assert {path.stem for path in (stac / "models").glob("*.md")} == {"network", "layouts", "layout_network"}
 
@@ -112,7 +112,7 @@ def test_a_later_snapshot_is_published_beside_the_first(
     group = zarr.open_group(session.store)
     record = read_journal(group, "streets")[0]
     assert record is not None
-    write_record(group, "streets", 0, record | {"status": "stale", "reason": "another was done again"})
+    write_record(group, "streets", 0, record | {"status": "stale", "reason": "visible surfaces changed"})
     commit(session, "a street that is out of date")
     publish_block.fn(run, block)
     second = (out / "current").read_text().strip()

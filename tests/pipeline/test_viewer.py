@@ -94,18 +94,26 @@ def test_every_stage_of_a_facade_is_a_picture(address: str) -> None:
         assert get(f"{address}/picture/facade", id=backs[0], stage=stage)
 
 
-def test_the_street_grows_with_its_viewpoints(address: str) -> None:
-    block = json.loads(get(f"{address}/api/block"))
-    street = block["viewpoints"][0]["street"]
-    own = [number for number, viewpoint in enumerate(block["viewpoints"]) if viewpoint["street"] == street]
+def test_the_street_grows_with_its_viewpoints(pictured: Path) -> None:
+    with viewing(pictured / "out") as address:
+        block = json.loads(get(f"{address}/api/block"))
+        street = [one["id"] for one in block["streets"]].index("s3")
+        own = [number for number, viewpoint in enumerate(block["viewpoints"]) if viewpoint["street"] == street]
 
-    def unreached(viewpoint: int) -> float:
-        image = np.asarray(Image.open(io.BytesIO(get(f"{address}/picture/grown", viewpoint=viewpoint))).convert("RGB"))
-        return float((np.abs(image.astype(int) - (226, 222, 214)).max(axis=2) < 8).mean())
+        def draw(name: str, viewpoint: int) -> np.ndarray:
+            picture = get(f"{address}/picture/{name}", viewpoint=viewpoint)
+            return np.asarray(Image.open(io.BytesIO(picture)).convert("RGB")).astype(int)
 
-    shares = [unreached(viewpoint) for viewpoint in (own[0], own[len(own) // 2], own[-1])]
-    assert shares[0] > shares[1] > shares[2]
-    assert unreached(own[0]) == pytest.approx(shares[0], abs=0.002)  # backwards too
+        def unreached(viewpoint: int) -> float:
+            return float((np.abs(draw("grown", viewpoint) - (226, 222, 214)).max(axis=2) < 8).mean())
+
+        shares = [unreached(viewpoint) for viewpoint in (own[0], own[len(own) // 2], own[-1])]
+        assert shares[0] > shares[1] > shares[2]
+        assert unreached(own[0]) == pytest.approx(shares[0], abs=0.002)  # backwards too
+        panorama = draw("panorama", own[0])
+        assert panorama.shape[1] == 2 * panorama.shape[0]
+        assert panorama.std() > 20
+        assert json.loads(get(f"{address}/api/progress"))["done_viewpoints"] == list(range(len(block["viewpoints"])))
 
 
 def test_what_is_not_there_and_who_may_not_ask(address: str) -> None:
@@ -132,13 +140,13 @@ def test_what_is_stale_has_not_failed(undisturbed: tuple[Path, dict[str, Any]], 
     group = zarr.open_group(session.store)
     record = read_journal(group, "streets")[0]
     assert record is not None
-    write_record(group, "streets", 0, record | {"status": "stale", "reason": "another was done again"})
+    write_record(group, "streets", 0, record | {"status": "stale", "reason": "visible surfaces changed"})
     commit(session, "a street that is out of date")
     said = RunReader(tmp_path).open_newest().run_progress()
     streets = next(stage for stage in said["stages"] if stage["name"] == "streets")
     assert (streets["done"], streets["failed"], streets["stale"]) == (streets["total"] - 1, 0, 1)
     assert said["failures"] == []
-    assert said["stale"] == [{"stage": "streets", "unit": record["unit"], "reason": "another was done again"}]
+    assert said["stale"] == [{"stage": "streets", "unit": record["unit"], "reason": "visible surfaces changed"}]
 
 
 def test_one_run_in_a_folder_is_opened(undisturbed: tuple[Path, dict[str, Any]]) -> None:

@@ -19,6 +19,7 @@ import xarray as xr
 import zarr
 from PIL import Image
 
+from catalogs.block.reader import read_block
 from catalogs.query.execution import query
 from facade_core.atlas.journal import VOLATILE_FIELDS, atlas_digest
 from facade_core.atlas.rasters import TexelLayout, read_rasters
@@ -26,15 +27,16 @@ from facade_core.atlas.store import open_repository
 from facade_core.core.errors import StoreError
 from facade_core.core.provenance import Provenance
 from facade_core.plan.plan_tables import read_plan
+from facade_core.street.continuation import CONTINUATION
+from tasks.engine.run_key import create_run
 from tasks.engine.store.commits import read_newest_journal
 from tasks.publish.task import publish_block
 from tasks.stages.order import STAGE_NAMES
-from tasks.stages.streets.redo import street_read_write_chunks
 from tests.pipeline import stages
 from tests.pipeline.runs import ALONE, ROOT, TYPED, command, environment, run
 from tests.pipeline.stages import texture, write_photo
 
-STAGE_GROUPS = ("atlas", "charts", "mesh", "facades", "viewpoints", "streets", "buildings", "panoramas", "facade_maps")
+STAGE_GROUPS = ("atlas", "charts", "mesh", "facades", "viewpoints", "streets", "buildings", "facade_maps")
 
 Run = tuple[Path, dict[str, Any]]
 
@@ -50,12 +52,12 @@ def test_everything_is_done_and_published(undisturbed: Run) -> None:
     assert (out / "current").read_text().strip() in summary["outputs"]["report"]
 
 
-def test_a_preview_of_a_street_was_drawn_before_the_streets(undisturbed: Run) -> None:
+def test_a_preview_of_a_street_was_drawn_before_the_surfaces(undisturbed: Run) -> None:
     out, _ = undisturbed
     picture = np.asarray(Image.open(out / "preview.jpg"))
     assert picture.shape == (540, 960, 3)
     assert picture.std() > 20
-    first = min(record["started"] for record in read_newest_journal(out / "store", "viewpoints") if record)
+    first = min(record["started"] for record in read_newest_journal(out / "store", "surfaces") if record)
     assert (out / "preview.jpg").stat().st_mtime < first
 
 
@@ -67,35 +69,13 @@ def test_all_sources_reach_the_atlas_and_no_texel_is_left(undisturbed: Run) -> N
     colour, provenance = (read_rasters(group[f"atlas/{name}"], placement, charts) for name in ("colour", "provenance"))
     assert set(np.unique(provenance)) == {
         Provenance.MATERIAL,
-        Provenance.TRANSLATED,
         Provenance.SYNTHESISED,
         Provenance.INPAINTED,
         Provenance.PHOTO,
     }
-    for rank in (Provenance.MATERIAL, Provenance.TRANSLATED):
-        assert colour[provenance == rank].std() > 10
+    assert colour[provenance == Provenance.MATERIAL].std() > 10
+    assert not group["atlas/street_views"][:].any(), "no picture shows the ground"
     assert atlas_digest(group) == summary["atlas_digest"]
-
-
-def test_a_street_starts_when_those_before_it_have_ended(undisturbed: Run) -> None:
-    out, _ = undisturbed
-    plan = read_plan(open_repository(out / "store").readonly_session("main"))
-    streets, viewpoints = (read_newest_journal(out / "store", stage) for stage in ("streets", "viewpoints"))
-    ends = [record["started"] + sum(record["seconds"].values()) for record in streets if record]
-    begins = [
-        min(viewpoints[v.id]["started"] for v in plan.street_viewpoints(street)) for street in range(len(streets))
-    ]
-    chunks = [street_read_write_chunks(plan, street) for street in range(len(streets))]
-    pairs = [
-        (first, then)
-        for first, (_, writes) in enumerate(chunks)
-        for then, (reads, _) in enumerate(chunks)
-        if first != then and writes & reads
-    ]
-    assert pairs
-    for one, other in pairs:
-        first, then = sorted((one, other), key=lambda street: int(plan.wave[street]))
-        assert ends[first] <= begins[then]
 
 
 def test_photo_texels_are_the_photos(undisturbed: Run) -> None:
@@ -116,7 +96,7 @@ def test_xarray_opens_every_group_with_dimensions_and_crs(undisturbed: Run) -> N
 
 def test_workers_wrote_and_are_named_in_the_journal(undisturbed: Run) -> None:
     out, _ = undisturbed
-    for stage in ("facades", "viewpoints"):
+    for stage in ("facades", "streets", "surfaces"):
         records = read_newest_journal(out / "store", stage)
         assert all(r and r["status"] == "done" and r["seconds"] for r in records)
         assert {r["worker"] for r in records if r} <= {"0", "1"}
@@ -195,21 +175,39 @@ def test_one_worker_without_a_network_makes_the_same_atlas(block: Path, undistur
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("translator", ["exemplar", "neural"])
-def test_walls_left_to_the_translator(tmp_path: Path, translator: str) -> None:
-    """With `walls: translate` no exemplar is needed, and the street stage textures every wall that has no photo."""
+def test_walls_left_to_their_material(tmp_path: Path) -> None:
+    """With `walls: translate` no exemplar is needed, and every wall that has no photo shows its material."""
     write_photo(tmp_path / "in", "a-0", 1)
-    block = stages.write_block(tmp_path / "in", texture={"walls": "translate", "translator": translator})
+    block = stages.write_block(tmp_path / "in", texture={"walls": "translate"})
     made = texture(block, tmp_path / "out")
     summary = publish_block.fn(made.run, block)
     assert summary["facades_failed"] == 0
     group = zarr.open_group(open_repository(tmp_path / "out" / "store").readonly_session("main").store, mode="r")
-    assert set(np.unique(group["atlas/provenance"][:])) >= {
-        Provenance.MATERIAL,
-        Provenance.TRANSLATED,
-        Provenance.PHOTO,
-    }
+    sources = set(np.unique(group["atlas/provenance"][:]))
+    assert sources >= {Provenance.MATERIAL, Provenance.PHOTO}
+    assert Provenance.TRANSLATED not in sources
     assert set(query(tmp_path / "out", where="photo is null")["source"]) == {"translator"}
+
+
+@pytest.mark.long
+def test_ground_between_pictures_is_continued(pictured_copy: Path) -> None:
+    """What streets decided is in the store, the catalogue and the report."""
+    block, out = pictured_copy / "in" / "block.yaml", pictured_copy / "out"
+    publish_block.fn(create_run(read_block(block), out), block)
+    session = open_repository(out / "store").readonly_session("main")
+    group, plan = zarr.open_group(session.store, mode="r"), read_plan(session)
+    provenance, views = (group[f"atlas/{name}"][:] for name in ("provenance", "street_views"))
+    assert (provenance == Provenance.PHOTO).any()
+    np.testing.assert_array_equal(views > 0, provenance == Provenance.TRANSLATED)
+    for street, record in enumerate(read_newest_journal(out / "store", "streets")):
+        assert record
+        files = record["files"]
+        item = next((out / "published").glob(f"*/stac/streets/{record['unit']}.json"))
+        said = json.loads(item.read_text())["properties"]
+        assert said["streetloom:viewpoints"] == len(plan.street_viewpoints(street))
+        assert said["streetloom:viewpoints_done"] == len(files) > 1
+        for path in files:
+            assert group[path].shape[:2] == (CONTINUATION.panorama_width // 2, CONTINUATION.panorama_width)
 
 
 @pytest.mark.long

@@ -22,7 +22,7 @@ def publish_snapshot(
     made = SnapshotFileWriter(folder, earlier, doubted)
     for name, (of, data) in files.items():
         made.add_file(f"pages/{name}", of, data)
-    write_file_list(folder, None, (), source_digests=made.source_digests, known=made.linked)
+    write_file_list(folder, None, source_digests=made.source_digests, known=made.linked)
     return made
 
 
@@ -68,7 +68,7 @@ def test_what_is_lost_or_cut_is_made_again_and_what_is_garbled_where_it_is_doubt
 
 
 def test_what_could_not_be_published_is_amiss(tmp_path: Path) -> None:
-    write_file_list(tmp_path, None, ())
+    write_file_list(tmp_path, None)
     assert find_snapshot_damage(tmp_path) is None
-    write_file_list(tmp_path, None, (), failures={"report": "no room"})
+    write_file_list(tmp_path, None, failures={"report": "no room"})
     assert find_snapshot_damage(tmp_path) == "report could not be published: no room"

@@ -77,11 +77,11 @@ def aside(identifier: str, kind: str = "building") -> dict[str, Any]:
 MADE = datetime(2026, 11, 21, 12, 30, tzinfo=UTC)
 STREETS = [
     StreetFacts("s9", "Itäinen Teatterikuja", LineString([(385_690, 6_671_690), (385_790, 6_671_690)]), "done", None,
-                12, 12, 0, 5000, 0.83, "key9", 31.5, MADE),
-    StreetFacts("s10", None, LineString([(385_690, 6_671_690), (385_690, 6_671_790)]), "stale", "s9 was done again",
-                4, 4, 1, 300, 0.1, "key10", 3.5, MADE),
+                12, 12, "key9", 31.5, MADE),
+    StreetFacts("s10", None, LineString([(385_690, 6_671_690), (385_690, 6_671_790)]), "stale", "visible surfaces changed",
+                4, 0, "key10", 3.5, MADE),
     StreetFacts("s/11", "Lane", LineString([(385_690, 6_671_690), (385_690, 6_671_700)]), "unseen", "no wall is seen from it",
-                0, 0, 0, None, None, None, None, None),
+                0, 0, None, None, None),
 ]  # fmt: skip
 RUN = RunFacts(
     MADE.replace(hour=11), MADE, {"facades": {"done": 3, "failed": 2}, "streets": {"done": 1, "stale": 1}}, 99.126
@@ -344,15 +344,15 @@ def properties(out: Path, name: str) -> dict[str, Any]:
 
 def test_streets(out: Path) -> None:
     said = properties(out, "streets/s9.json")
-    for key in ("viewpoints", "viewpoints_done", "wave", "texels", "coverage", "key", "seconds", "name"):
+    for key in ("viewpoints", "viewpoints_done", "key", "seconds", "name"):
         assert said[key] == getattr(STREETS[0], key)
     assert (said["status"], said["length_m"], said["version"], said["deprecated"]) == ("done", 100, "SNAP", False)
     assert said["proj:geometry"]["coordinates"] == [[385_690, 6_671_690], [385_790, 6_671_690]]
-    assert properties(out, "streets/s10.json")["reason"] == "s9 was done again"
-    assert not {"texels", "coverage", "key"} & set(properties(out, f"streets/{safe_file_stem('s/11')}.json"))
+    assert properties(out, "streets/s10.json")["reason"] == "visible surfaces changed"
+    assert not {"seconds", "key"} & set(properties(out, f"streets/{safe_file_stem('s/11')}.json"))
     collection = json.loads((out / "published" / "SNAP" / "stac" / "streets" / "collection.json").read_text())
     assert collection["description"].endswith(": 1 done, 1 stale, 1 unseen.")
-    assert collection["summaries"]["streetloom:coverage"] == {"minimum": 0.1, "maximum": 0.83}
+    assert collection["summaries"]["streetloom:viewpoints_done"] == {"minimum": 0, "maximum": 12}
 
 
 def test_a_street_may_be_called_collection(tmp_path: Path) -> None:

@@ -225,7 +225,6 @@ def test_a_crash_is_one_line_and_code_70(tmp_path: Path, monkeypatch: pytest.Mon
         (("run",), "run: missing argument 'BLOCK.yaml' (streetloom run --help)"),
         (("run", "BLOCK", "more"), "run: got unexpected extra argument (more) (streetloom run --help)"),
         (("run", "BLOCK", "--out"), "run: option '--out' requires an argument (streetloom run --help)"),
-        (("run", "BLOCK", "--only"), "run: --only needs --redo STREET (streetloom run --help)"),
         (
             ("run", "BLOCK", "--workers", "two\n\x1b[2J"),
             "run: invalid value for '--workers': 'two\\n\\x1b[2J' is no whole number (streetloom run --help)",

@@ -31,9 +31,9 @@ def test_without_a_terminal_stages_and_their_tenths_are_lines(monkeypatch: pytes
         for unit in range(100):
             now[0] += 30.0
             report_progress("facades", 1, 1 if unit == 3 else 0)
-        begin_stage("viewpoints", 116)
-        report_progress("viewpoints", earlier=115)
-        report_progress("viewpoints", 1)
+        begin_stage("streets", 116)
+        report_progress("streets", earlier=115)
+        report_progress("streets", 1)
         begin_stage("publish", 1)
         report_progress("publish", 1)
     assert lines == [
@@ -43,9 +43,9 @@ def test_without_a_terminal_stages_and_their_tenths_are_lines(monkeypatch: pytes
         "facades: 160 of 200, 1 failed, about 20 min left",
         "facades: 180 of 200, 1 failed, about 10 min left",
         "facades: 200 of 200, 1 failed, 100 of them done before, in 50 min",
-        "viewpoints: 116",
-        "viewpoints: 115 of 116",
-        "viewpoints: 116 of 116, 115 of them done before, in 0 s",
+        "streets: 116",
+        "streets: 115 of 116",
+        "streets: 116 of 116, 115 of them done before, in 0 s",
         "publish: 1",
         "publish: 1 of 1, in 0 s",
     ]
@@ -147,10 +147,10 @@ def test_a_run_that_logs_nothing_leaves_no_log(tmp_path: Path) -> None:
 @pytest.mark.parametrize("is_painted", [True, False])
 def test_faces_are_not_missed_on_painted_pictures(is_painted: bool) -> None:
     summary = {
-        "block": "demo", "facades_done": 3, "viewpoints": 1, "seconds": 2.0, "units_skipped": 0, "failures": [],
+        "block": "demo", "facades_done": 3, "seconds": 2.0, "units_skipped": 0, "failures": [],
         "not_looked_at": 2, "outputs": {"report": "r", "glb": [], "items": "i"}, "out": "out/demo",
     }  # fmt: skip
     written = io.StringIO()
     print_summary(Console(file=written, width=200), summary, is_painted=is_painted)
     assert ("not checked for faces and number plates: 2;" in written.getvalue()) == (not is_painted)
-    assert written.getvalue().startswith("demo: 3 facades, 1 viewpoint in 2 s, 0 units done before\n")
+    assert written.getvalue().startswith("demo: 3 facades in 2 s, 0 units done before\n")
