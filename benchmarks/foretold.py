@@ -1,11 +1,11 @@
 """Ground of a painted street foretold from one panorama of several: `python -m benchmarks.foretold` prints one JSON object.
 
-A street whose ground is painted is seen by panoramas of known poses, which are darker than the paint. Of each in turn the ground
-is taken as a run takes it, and the rest of the carriageway and its pavements is finished: from the material alone (`material`),
-after the pictures (`pictured`, docs/decisions/0167), and with what viewpoints continue (`continued`, 0168). Over the texels that
-another panorama shows and this one does not: PSNR in dB to the paint in the panorama's exposure, and with one factor a channel
-aside; of means over squares of .5 m too, which the grain of the paint does not blur. decided: share of these texels that a
-view decided; seconds of the street. Means over panoramas.
+A street whose ground is painted is seen by panoramas of known poses, darker than the paint. Of each in turn the ground is
+taken as a run takes it, and the rest of the carriageway and its pavements is finished: from the material alone (`material`),
+after the pictures (`pictured`, docs/decisions/0167), and with what viewpoints continue (`continued`, 0168). Over the texels
+that another panorama shows and this one does not: PSNR in dB to the paint in the panorama's exposure, and with one factor a
+channel aside; of means over squares of .5 m too, which the grain of the paint does not blur. decided: share of these texels
+that a view decided; seconds of the street. Means over panoramas.
 """
 
 from __future__ import annotations
