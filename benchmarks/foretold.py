@@ -79,7 +79,7 @@ def _foretold(
     begun = time.process_time()
     positions, forward = place_viewpoints(line.line)
     viewpoints = [Viewpoint(n, 0, *place) for n, place in enumerate(zip(positions, forward, strict=True))]
-    seen = [scene.visible_charts(viewpoint, 1024) for viewpoint in viewpoints]
+    seen = [np.intersect1d(scene.visible_charts(viewpoint, 1024), grounds) for viewpoint in viewpoints]
     views = list(continue_street(scene, pictured, viewpoints, seen, pictures).values())
     seconds = time.process_time() - begun
     known = KnownTexture(shown_reader(scene, shown), shown)

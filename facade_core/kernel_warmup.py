@@ -1,6 +1,7 @@
 """Small runs of every numba kernel of a run with default settings, which fill numba's cache before units run.
 
 Compilation takes a minute on a new machine. Without the warm-up, all workers would compile everything at the same time.
+Kernels of streets are left to the first street that sees pictured ground.
 """
 
 from __future__ import annotations

@@ -146,13 +146,17 @@ class TextureSettings:
     ] = 40.0
     walls: Annotated[
         Literal["exemplar", "translate"],
-        Key("Walls without imagery: from an exemplar, or left to the street stage.", effect=Effect.PLAN),
+        Key("Walls without imagery: from an exemplar, or plain (`translate`).", effect=Effect.PLAN),
     ] = "exemplar"
     panorama_width: Annotated[
         int,
         _int_range(64, 8192),
         AfterValidator(_check_even),
-        Key("Width of a panorama, an even number; its height is half of it.", unit="px", effect=Effect.PLAN),
+        Key(
+            "Width of the panorama in which a viewpoint looks for what it sees; its height is half of it.",
+            unit="px",
+            effect=Effect.PLAN,
+        ),
     ] = 1024
     levelling: Annotated[
         bool,
@@ -400,7 +404,7 @@ class ImagerySection(Section):
         CamerasSection | None, Key("Perspective pictures with poses, of the street or oblique from the air.")
     ] = None
     aerial: Annotated[
-        AerialSection | None, Key("Orthophoto: texture of roofs, and of ground that no viewpoint sees.")
+        AerialSection | None, Key("Orthophoto: texture of roofs, and of open ground that no panorama shows.")
     ] = None
     privacy: Annotated[
         Privacy,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import count
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -82,8 +83,9 @@ def build_block_streets(
     streets = []
     for id in sorted(merged, key=natural_sort_key):
         found = sorted(merged[id], key=lambda entry: entry[0].coords[0])
-        for index, (line, street_name) in enumerate(found):
-            streets.append(Street(id if len(found) == 1 else f"{id}-{index}", street_name, line))
+        free = (one for number in count() if (one := f"{id}-{number}") not in merged)
+        for line, street_name in found:
+            streets.append(Street(id if len(found) == 1 else next(free), street_name, line))
     return tuple(streets), tuple(sorted(faults, key=lambda fault: natural_sort_key(fault.id)))
 
 

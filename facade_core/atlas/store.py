@@ -227,7 +227,7 @@ def commit(session: icechunk.Session, message: str) -> str:
             snapshot = session.commit(message, rebase_with=icechunk.ConflictDetector())
         except icechunk.RebaseFailedError as error:
             raise StoreError(
-                f"{message}: another unit wrote the same chunk ({error}); units of a wave must not share one"
+                f"{message}: another unit wrote the same chunk ({error}); units must not share one"
             ) from error
         tip = repository.lookup_branch(branch)
         update_cached_journals(repository.path, repository.lookup_snapshot(snapshot).parent_id, snapshot, changes)

@@ -54,7 +54,7 @@ class IngestSettings:
     visibility_range : metres from a viewpoint to the farthest chart that it textures.
     panorama_width : pixels of a viewpoint's panorama.
     floor_height : metres, where the levels of a building are not tagged.
-    walls : "exemplar" leaves facades to the facade stages; "translate" lets the street stage write every chart.
+    walls : "exemplar" gives walls without pictures one; "translate" leaves them plain.
     page : side of an atlas page in texels.
     """
 

@@ -20,7 +20,8 @@ class PlannedUnits:
 
     Attributes
     ----------
-    facades : free walls. Rays may find a few more with a small free part, and none of them where streets paint walls.
+    facades : free walls. Rays may find a few more with a small free part, and none of them where walls without
+        pictures are plain.
     viewpoints : viewpoints on the block's own streets.
     ground : charts of the ground.
     texels : texels of the charts that the block textures.

@@ -2,9 +2,9 @@
 
 The material field gives the detail of ground that no picture shows, and pictures give what they differ by from it: exposure,
 tint, wear. A viewpoint's partially textured panorama holds these differences where a picture shows the ground. Its other ground
-takes the mean of the differences on the same kind of surface in the panorama, weighted by the cube of the inverse distance,
-so that it never lies outside what the pictures show. Where a viewpoint sees no picture of a kind, it goes on from what earlier
-ones decided.
+takes their mean on its kind of surface, weighted by distance, and with the weight of some cells the mean of all that the
+panorama shows, which little evidence draws towards no difference: the result lies between the material and what the pictures
+show. A viewpoint that sees no picture goes on from what earlier ones decided.
 
 References
 ----------
@@ -14,7 +14,7 @@ Street paper, 3. Shepard 1968, A two-dimensional interpolation function for irre
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +22,6 @@ import numpy as np
 from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array, IntArray, UInt8Array, UInt16Array
 from facade_core.core.numba_cache import njit
 from facade_core.core.provenance import Provenance
-from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
@@ -45,14 +44,17 @@ class ContinuationSettings:
     panorama_width : pixels; differences are smooth, so that few are enough.
     texels_per_metre : density at which a street holds differences; these are means over its texels.
     cell_m : side of the cells of which a viewpoint takes means.
+    max_cells_across : cells across the panorama's reach; they are larger where it sees far.
     smoothing_m : distance within which cells weigh about the same.
-    prior_cells : known cells that weigh as much as what is known of a kind's surroundings.
+    prior_cells : known cells nearby that weigh as much as the mean of all that a panorama shows; and of that mean, as no
+        difference does.
     min_shown_share : share of a texel that pictures show, from which on it is known.
     """
 
     panorama_width: int = 512
     texels_per_metre: float = 4.0
     cell_m: float = 2.0
+    max_cells_across: int = 40
     smoothing_m: float = 4.0
     prior_cells: float = 4.0
     min_shown_share: float = 0.5
@@ -76,6 +78,10 @@ class StreetView(NamedTuple):
     difference: UInt8Array
     chart: Int32Array
     kind: UInt8Array
+
+    def numbered(self, number: int) -> StreetView:
+        """Return the view with another id of its viewpoint."""
+        return self._replace(viewpoint=replace(self.viewpoint, id=number))
 
 
 class DecidedDifferences(NamedTuple):
@@ -109,7 +115,7 @@ def continue_street(
     scene : the block's geometry.
     materials : material field of the block.
     viewpoints : of the street, in their order.
-    seen : charts (k,) that each of them sees.
+    seen : ground charts (k,) that each of them sees.
     shown : by ground chart its colours (h, w, 3) and which texels (h, w) pictures show.
 
     Returns
@@ -117,9 +123,7 @@ def continue_street(
     What each viewpoint decided, by its number; those that see no difference are left out.
     """
     coarse = scene.with_density(settings.texels_per_metre)
-    charts = np.unique(np.concatenate(seen))
-    ground = charts[scene.charts.kind[charts] == ChartKind.GROUND]
-    layout, writable = TexelBuffer.plan_layout(coarse.placement, ground.tolist(), ())
+    layout, writable = TexelBuffer.plan_layout(coarse.placement, np.concatenate(seen).tolist(), ())
     difference, provenance = np.zeros((layout.total, 3), np.uint8), np.zeros(layout.total, np.uint8)
     kinds = np.empty(layout.total, np.uint8)
     for chart in writable.tolist():
@@ -230,19 +234,20 @@ def _continue_view(
     panorama = render_panorama(scene, buffer, viewpoint, size, shaded=False)
     offset = buffer.layout.offset
     on = (panorama.chart != MISS) & (offset[panorama.chart] >= 0)
-    if not panorama.textured[on].any():
-        return None
     chart, points = panorama.chart[on], panorama.points[on]
     row, column = scene.locate_texels(points, chart)
     texel = offset[chart] + row.astype(np.int64) * scene.placement.width[chart] + column
     source = np.where(panorama.textured[on], buffer.provenance[texel], Provenance.UNSEEN)
+    if not (source > Provenance.UNSEEN).any():
+        return None
     is_shown = source == Provenance.PHOTO
-    side = 2 * int(np.ceil(scene.visibility_range / settings.cell_m))
-    place = (points[:, :2] - viewpoint.position[:2]) / settings.cell_m + side / 2
+    cell = max(settings.cell_m, 2 * scene.visibility_range / settings.max_cells_across)
+    side = 2 * int(np.ceil(scene.visibility_range / cell))
+    place = (points[:, :2] - viewpoint.position[:2]) / cell + side / 2
     kind = buffer.kinds[texel].astype(np.int64)
     means = _cell_means(panorama.rgb[on], source, kind, place, side)
     filled, values = np.empty_like(means), np.empty((len(kind), 3))
-    _fill_cells(means, (settings.smoothing_m / settings.cell_m) ** 2, settings.prior_cells, filled)
+    _fill_cells(means, (settings.smoothing_m / cell) ** 2, settings.prior_cells, filled)
     _interpolate(filled, kind, place, values)
     difference = np.full((*panorama.chart.shape, 3), NO_DIFFERENCE, np.uint8)
     difference[on] = np.where(is_shown[:, None], panorama.rgb[on], np.rint(values) + NO_DIFFERENCE).astype(np.uint8)

@@ -20,7 +20,7 @@ BOTTLENECK_TEXTS = {
     "viewpoints": "viewpoints of streets",
     "ground": "ground",
     "megatexels": "texels (half the texels per metre is a quarter of the work)",
-    "megapixels": "pixels of the viewpoints' panoramas (half texture.panorama_width is a quarter of the work)",
+    "megapixels": "pixels in which viewpoints look for what they see (half texture.panorama_width is a quarter of the work)",
     "exemplars": "exemplars",
     "photos": "photos of facades",
     "panoramas": "panoramas with a pose",

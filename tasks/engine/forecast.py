@@ -49,27 +49,18 @@ def forecast_work(run: Run, block: Block, outline: PlanSummary) -> WorkForecast:
     plan = load_run_plan(run)
     units: dict[str, list[Unit[Any]]] = {}
     pending: dict[str, Mapping[int, str]] = {}
-    totals: dict[str, int] = {}
-    notes: list[str] = []
     rewritten: list[int] = []
     for stage in all_stages():
         if stage.forecast is None:
             continue
         units[stage.stage] = stage.list_units(run, block, plan, group)
         own = pending_reasons(read_journal(group, stage.stage), units[stage.stage])
-        inputs = ForecastInputs(run, block, plan, group, outline, units, pending, rewritten)
-        found = None if stage.forecast is None else stage.forecast(inputs, own)
-        if found is None:
-            continue
-        pending[stage.stage] = found.pending
-        totals[stage.stage] = len(units[stage.stage]) if found.total is None else found.total
-        if found.note:
-            notes.append(found.note)
+        found = stage.forecast(ForecastInputs(run, block, plan, group, units, pending, rewritten), own)
+        pending[stage.stage] = found
         if stage.writes_base_layer:
-            rewritten += [chart for u in units[stage.stage] if u.index in found.pending for chart in u.charts]
+            rewritten += [chart for u in units[stage.stage] if u.index in found for chart in u.charts]
     known = [stage for stage in all_stages() if stage.stage in pending]
-    lines = [_line(totals[stage.stage], stage.noun, pending[stage.stage]) for stage in known]
-    parts = [*filter(None, lines), *notes]
+    parts = [*filter(None, (_line(len(units[one.stage]), one.noun, pending[one.stage]) for one in known))]
     said = f"pending: {', '.join(parts)}; the rest is up to date" if parts else NOTHING_PENDING
     return WorkForecast(said, units)
 

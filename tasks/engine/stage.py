@@ -14,7 +14,6 @@ from facade_core.atlas.journal import Record, read_journal
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
 from tasks.engine.inputs import CODE, digest_inputs
-from tasks.engine.outline import PlanSummary
 from tasks.engine.processing import Compute, Write, process_units
 from tasks.engine.run import Run
 from tasks.engine.stage_code import stage_code_digest
@@ -34,42 +33,6 @@ class UnitOutline(NamedTuple):
 
 
 @dataclass(frozen=True)
-class ReingestContext:
-    """Inputs for carrying over the units of the last ingest to a new plan.
-
-    Attributes
-    ----------
-    before : plan of the last ingest.
-    after : plan of this ingest.
-    group : the store as it becomes.
-    last : the store as it was.
-    """
-
-    run: Run
-    block: Block
-    before: Plan
-    after: Plan
-    group: StoreGroup
-    last: StoreGroup
-
-
-@dataclass(frozen=True)
-class StageForecast:
-    """Forecast of the pending units of a stage.
-
-    Attributes
-    ----------
-    pending : reason by unit index.
-    total : number of units; None if it is the number that the stage lists.
-    note : a further remark for the line that announces the work.
-    """
-
-    pending: Mapping[int, str]
-    total: int | None = None
-    note: str | None = None
-
-
-@dataclass(frozen=True)
 class ForecastInputs:
     """Everything that the forecast of a stage may read: earlier stages are complete.
 
@@ -84,15 +47,18 @@ class ForecastInputs:
     block: Block
     plan: Plan
     group: StoreGroup
-    outline: PlanSummary
     units: Mapping[str, Sequence[Unit[Any]]]
     pending: Mapping[str, Mapping[int, str]]
     rewritten: Sequence[int]
 
 
-def forecast_pending(_inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast | None:
+# Reason by unit index.
+Pending = Mapping[int, str]
+
+
+def forecast_pending(_inputs: ForecastInputs, own: Pending) -> Pending:
     """Forecast the units that are pending by their keys: no other follows from earlier stages."""
-    return StageForecast(own)
+    return own
 
 
 @dataclass(frozen=True)
@@ -108,7 +74,7 @@ class Stage:
     compute : computes the result of a unit from its inputs.
     write : writes the result of a unit to its own chunks; returns the fields of its record.
     process : processes units whose results depend on each other, in place of `compute` and `write`.
-    forecast : pending units after those of earlier stages, given the units pending by key; returns None where unknown.
+    forecast : reasons of pending units after those of earlier stages, given the units pending by key.
         None: units follow from earlier stages alone, and are not forecast.
     """
 
@@ -119,7 +85,7 @@ class Stage:
     compute: Compute[Any] | None = None
     write: Write[Any] | None = None
     process: UnitFunction | None = None
-    forecast: Callable[[ForecastInputs, Mapping[int, str]], StageForecast | None] | None = forecast_pending
+    forecast: Callable[[ForecastInputs, Pending], Pending] | None = forecast_pending
 
     @property
     def function(self) -> UnitFunction:

@@ -24,9 +24,6 @@ from tasks.stages.pictures.record import ReportPictureRecord
 
 R = TypeVar("R", bound=Record)
 
-# Panoramas that the report shows.
-MAX_REPORT_PANORAMAS = 6
-
 # Name of a file in report/images, and its title.
 TitledFile = tuple[str, str]
 

@@ -71,6 +71,9 @@ def prune_snapshots(out: Folder, keep: int, read_for: timedelta = READER_GRACE) 
             gone += 1
     for name, paths in remove_dead_version_links(published).items():
         update_file_list(published / name, paths)
+    for tag in repository.list_tags():
+        if tag.startswith("street-"):  # of stores of 0.1.0
+            repository.delete_tag(tag)
     expire_snapshots(repository, read_for if isinstance(out, S3Path) else timedelta())
     freed = (size - _folder_bytes(out)) / (1 << 20)
     lines.append(f"{out}: removed {gone} published snapshots and {len(leftovers)} leftovers, {max(freed, 0):.1f} MB")

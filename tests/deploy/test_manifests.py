@@ -182,7 +182,7 @@ def commands() -> Iterator[list[str]]:
 
 @pytest.mark.parametrize("command", list(commands()), ids=["compose", "kubernetes"])
 def test_workers_have_the_memory_that_units_declare(command: list[str]) -> None:
-    """The largest of a picture, a page, a street with the network; a facade takes 190 bytes for a texel."""
+    """The largest of a picture, a page; a facade takes 190 bytes for a texel."""
     said = dict(zip(command, command[1:], strict=False))["--memory-limit"]
     shared_out = int(said.removesuffix("GB")) * 10**9 * UNITS_SHARE
     exemplar = MAX_EXEMPLAR_SIDE**2 * (memory.FACADE_TEXEL + memory.PICTURE_PIXEL)

@@ -7,7 +7,6 @@ Street paper, 3 Texture propagation.
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
@@ -59,14 +58,13 @@ def propagate_panorama(
     *,
     charts_seen: Int32Array | None = None,
     kinds: UInt8Array | None = None,
-    threads: int = 1,
 ) -> None:
     """Blend a translated panorama into the buffer's writable charts, in place.
 
     A texel takes the view if it faces the camera within the visibility range, its pixel shows its surface, and that
     pixel or a neighbour shows its chart. This is exact for planar surfaces up to one pixel and never takes colour from
     an occluder. Colour is bilinear over the pixels of the texel's surface and kind. The distance is
-    d = |forward . (p - c)|. The result does not depend on the number of threads.
+    d = |forward . (p - c)|.
 
     Parameters
     ----------
@@ -76,7 +74,6 @@ def propagate_panorama(
     rgb : (h, w, 3) uint8 translated panorama.
     charts_seen : (h, w) int32 chart index per pixel, -1 where the sky is seen; computed if None.
     kinds : (h, w) uint8 kind of surface per pixel; one kind if None.
-    threads : number of threads.
 
     Raises
     ------
@@ -96,15 +93,7 @@ def propagate_panorama(
     facing, surface, camera, marked = _facing_charts(scene, buffer, viewpoint, visible, charts_seen)
     kinds = np.zeros(surface.shape, np.uint8) if kinds is None else kinds
     view = TranslatedPanorama(viewpoint.id, round(1000 * (GATE_SPACINGS * scene.spacing)), camera, rgb, surface, kinds)
-
-    def blend_part(first: int) -> None:
-        _blend_tiles(buffer.state, buffer.colour, buffer.provenance, buffer.kinds, facing, view, marked, first, threads)
-
-    if threads == 1:
-        blend_part(0)
-        return
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(blend_part, range(threads)))
+    _blend_tiles(buffer.state, buffer.colour, buffer.provenance, buffer.kinds, facing, view, marked)
 
 
 def _facing_charts(
@@ -198,10 +187,8 @@ def _blend_tiles(
     charts: FacingCharts,
     view: TranslatedPanorama,
     marked: BoolArray,
-    part: int,
-    parts: int,
 ) -> None:
-    """Blend every parts-th marked tile from the part-th on; tiles share no texel."""
+    """Blend the marked tiles."""
     rgb, surface, kinds_at, gate, camera = view.rgb, view.surface, view.kinds, view.gate, view.camera
     rows, columns = surface.shape
     origin, axis_u, axis_v, farthest = charts.origin, charts.axis_u, charts.axis_v, charts.farthest
@@ -214,7 +201,7 @@ def _blend_tiles(
         np.empty(VISIBLE_TILE_TEXELS),
     )
     first = np.empty(3)
-    tile, turn = -1, -1
+    tile = -1
     for c in range(len(origin)):
         # the chart's frame in camera space: right, down, ahead
         o, u, v = (
@@ -228,9 +215,6 @@ def _blend_tiles(
             for left in range(0, width[c], VISIBLE_TILE_TEXELS):
                 tile += 1
                 if not marked[tile]:
-                    continue
-                turn += 1
-                if turn % parts != part:
                     continue
                 for j in range(top, min(top + VISIBLE_TILE_TEXELS, height[c])):
                     x, y = (left + 0.5) * step, (j + 0.5) * step

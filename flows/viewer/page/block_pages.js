@@ -117,8 +117,8 @@ export function streetPage(block, progress, street, step, redraw) {
     slider,
     element("div", { class: "split" },
       done
-        ? element("div", {}, shot("panorama", `Panorama at viewpoint ${step + 1}`, "What the viewpoint sees, textured"),
-            shot("grown", `The street after viewpoint ${step + 1}`, "The atlas after this viewpoint: what it has not reached is pale, what is not the street's is grey"))
+        ? element("div", {}, shot("panorama", `Panorama at viewpoint ${step + 1}`, "What the viewpoint sees, as far as it is finished"),
+            shot("grown", `The street after viewpoint ${step + 1}`, "The street after this viewpoint: what no picture decides yet is pale, what is not the street's is grey"))
         : element("p", {}, "This viewpoint is not textured yet."),
       smallMap(block, { colour: (facade) => STATUS[facade.status], strong: (index) => seen.has(index), here: block.viewpoints[viewpoint].at,
         choose: (id) => (location.hash = facadeAddress(id)), label: `Map: the ${seen.size} facades that the street has seen so far stand out` })),

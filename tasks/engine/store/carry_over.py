@@ -1,4 +1,4 @@
-"""Carry-over from the last ingest: places in the atlas, panoramas and records of units that still exist.
+"""Carry-over from the last ingest: places in the atlas and records of units that still exist.
 
 The keys of units decide whether their data are valid; this module only moves them to their new places.
 """
@@ -27,7 +27,6 @@ from facade_core.plan.plan_tables import read_plan
 from tasks.engine.run import Run
 from tasks.engine.stage import (
     Records,
-    ReingestContext,
     UnitOutline,
     all_stages,
     match_names,
@@ -101,9 +100,8 @@ def adapt_store_to_plan(root: StoreGroup, last: LastIngest, run: Run, block: Blo
 
     Charts that are gone, moved or written by other stages are cleared. Records move to the new indices of their units.
     """
-    change = ReingestContext(run, block, before=last.plan, after=plan, group=root, last=last.group)
     before = read_journals(last.group)
-    matches, stays = match_units(change, before)
+    matches, stays = match_units(block, last.plan, plan, before)
     spec, placement = last.plan.scene.spec, last.plan.scene.placement
     cleared = np.flatnonzero(~np.isin(np.arange(len(last.plan.ids)), list(stays.values())))
     clear_rasters(root, spec, placement, cleared.tolist())
@@ -123,7 +121,7 @@ def adapt_store_to_plan(root: StoreGroup, last: LastIngest, run: Run, block: Blo
 
 
 def match_units(
-    change: ReingestContext, records: Mapping[str, Records]
+    block: Block, old: Plan, new: Plan, records: Mapping[str, Records]
 ) -> tuple[dict[str, dict[int, int]], dict[int, int]]:
     """Match units of the last ingest by name: those that write charts if all of them keep their place and their writers.
 
@@ -132,24 +130,24 @@ def match_units(
     matches : unit, new -> old, by stage.
     stays : charts whose texels are kept, new -> old: not those of the base layer that another unit writes now.
     """
-    stays = _unchanged_charts(change.before, change.after)
+    stays = _unchanged_charts(old, new)
     matches: dict[str, dict[int, int]] = {}
     for stage in all_stages():
-        after = stage.outline(change.block, change.after)
+        after = stage.outline(block, new)
         if stage.stage not in STAGE_ARRAYS:
             matches[stage.stage] = match_units_by_name(records[stage.stage], [one.name for one in after])
             continue
-        before = stage.outline(change.block, change.before)
+        before = stage.outline(block, old)
         again = {
-            new: old
-            for new, old in match_names([one.name for one in before], [one.name for one in after]).items()
-            if [stays.get(chart) for chart in after[new].charts] == list(before[old].charts)
+            here: there
+            for here, there in match_names([one.name for one in before], [one.name for one in after]).items()
+            if [stays.get(chart) for chart in after[here].charts] == list(before[there].charts)
         }
         matches[stage.stage] = again
         if stage.writes_base_layer:
             gone = _charts_without(before, again.values())
             fresh = _charts_without(after, again)
-            stays = {new: old for new, old in stays.items() if new not in fresh and old not in gone}
+            stays = {here: there for here, there in stays.items() if here not in fresh and there not in gone}
     return matches, stays
 
 
@@ -204,11 +202,9 @@ def _unchanged_charts(old: Plan, new: Plan) -> dict[int, int]:
 
 
 def _chart_roles(plan: Plan) -> BoolArray:
-    """Return per chart whether it is a facade, has a texture of its own, is written by streets, and is in sight of one."""
-    roles = np.zeros((len(plan.ids), 4), bool)
-    roles[plan.facades.chart, 0] = True
-    roles[:, 1], roles[:, 2] = plan.textured, plan.writable
-    roles[plan.views[:, 1], 3] = True
+    """Return per chart whether it is a facade, and whether it has a texture of its own."""
+    roles = np.zeros((len(plan.ids), 2), bool)
+    roles[plan.facades.chart, 0], roles[:, 1] = True, plan.textured
     return roles
 
 

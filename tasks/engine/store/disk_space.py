@@ -11,10 +11,10 @@ from facade_core.plan.plan import Plan
 
 # Free at every stage: the run's own server, its log, and commits that are being made.
 RESERVED_BYTES = 50_000_000
-# What the smallest blocks and the demo took in the store, in bytes: a texel of every array of the atlas, and a byte of a
-# panorama, both compressed; and a texel of the pages, the model and the report as published. Pictures of real walls take more:
-# what this refuses could not have ended well.
-STORE_TEXEL, PANORAMA_BYTE, PUBLISHED_TEXEL = 2.0, 0.1, 1.5
+# What the smallest blocks and the demo took, in bytes: a texel of every array of the atlas in the store, compressed; and a
+# texel of the pages, the model and the report as published. Pictures of real walls take more: what this refuses could not have
+# ended well.
+STORE_TEXEL, PUBLISHED_TEXEL = 2.0, 1.5
 
 
 def required_block_bytes(plan: Plan, *, stored: bool = True) -> int:

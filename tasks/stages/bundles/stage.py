@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from datetime import date
 from pathlib import Path
 
@@ -22,7 +22,7 @@ from facade_core.imagery.poses.settings import JOINT, PANORAMA_BUNDLES
 from facade_core.plan.plan import FacadeSightings, Plan
 from tasks.engine.inputs import PANORAMAS_CHANGED
 from tasks.engine.run import Run
-from tasks.engine.stage import ForecastInputs, Stage, StageForecast, UnitOutline
+from tasks.engine.stage import ForecastInputs, Pending, Stage, UnitOutline
 from tasks.engine.unit import Unit
 from tasks.stages.bundles.refined_poses import pose_from_record
 from tasks.stages.bundles.worker import BundleInputs, BundlePanorama, bundle_record_fields, compute_bundle
@@ -121,13 +121,13 @@ def bundle_memory(paths: Sequence[Path]) -> int:
     return widest + len(paths) * SMALL_PANORAMA_BYTES
 
 
-def _forecast(inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast:
+def _forecast(inputs: ForecastInputs, own: Pending) -> Pending:
     """Find the pending bundles, with those of panoramas that are refined again."""
     again = inputs.pending["poses"].keys()
     following = (
         number for number, bundle in enumerate(panorama_bundles(inputs.plan, inputs.block)) if again & set(bundle)
     )
-    return StageForecast(dict.fromkeys(following, PANORAMAS_CHANGED) | dict(own))
+    return dict.fromkeys(following, PANORAMAS_CHANGED) | dict(own)
 
 
 BUNDLES = Stage(

@@ -88,7 +88,7 @@ def build_wall_from_exemplar(
     wall_colour: Float64Array | None = None,
     own: PicturedStyle | None = None,
 ) -> Facade | None:
-    """Build a facade in the style of its exemplar; None where it is left to the street stage.
+    """Build a facade in the style of its exemplar; None where walls without pictures are plain.
 
     Parameters
     ----------

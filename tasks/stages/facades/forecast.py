@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from facade_core.atlas.journal import read_journal
 from tasks.engine.inputs import PANORAMAS_CHANGED, split_key
-from tasks.engine.stage import ForecastInputs, StageForecast
+from tasks.engine.stage import ForecastInputs, Pending
 from tasks.stages.bundles.stage import bundle_members
 from tasks.stages.facades.imagery import EXEMPLAR_CHANGED, HOUSE_CHANGED
 from tasks.stages.facades.record import FacadeRecord
 from tasks.stages.shared.captures import facade_panoramas_by_capture
 
 
-def forecast_pending_facades(inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast:
+def forecast_pending_facades(inputs: ForecastInputs, own: Pending) -> Pending:
     """Find the facades that become pending once panoramas and exemplars are done again."""
     plan, block, exemplars = inputs.plan, inputs.block, inputs.pending["exemplars"]
     records = read_journal(inputs.group, "facades", FacadeRecord)
@@ -36,4 +34,4 @@ def forecast_pending_facades(inputs: ForecastInputs, own: Mapping[int, str]) -> 
     for facade, record in enumerate(records):
         if record is not None and building_of[facade] in changed and not of_house.isdisjoint(split_key(record["key"])):
             found.setdefault(facade, HOUSE_CHANGED)
-    return StageForecast(dict(sorted(found.items())))
+    return dict(sorted(found.items()))

@@ -76,7 +76,7 @@ class TexturedFacade(NamedTuple):
     Attributes
     ----------
     kind : its source as of `iterate_sources`; empty without pictures.
-    facade : None if it is left to the street stage.
+    facade : None if it is left plain.
     source : name of the source.
     confidence : (h, w) uint8.
     evidence : what its pictures show; None without pictures.

@@ -65,7 +65,9 @@ def material_field(
 
 def pictured_ground(run: Run, plan: Plan, group: StoreGroup) -> StoredCharts:
     """Return the ground charts from which the look of ground is learnt."""
-    return store_charts(run, plan, *_pictured_charts(plan, group))
+    charts, digests = _pictured_charts(plan, group)
+    # what a picture shows is learnt for the surface that the map has there
+    return store_charts(run, plan, charts, digests, plan.ground_digests(charts))
 
 
 def _pictured_charts(plan: Plan, group: StoreGroup) -> tuple[list[int], dict[str, str]]:

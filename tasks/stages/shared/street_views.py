@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from facade_core.atlas.journal import read_journal
+from facade_core.atlas.journal import read_journal, unit_key
 from facade_core.atlas.stored_files import read_verified_array, street_view_path
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.raycast import MISS
@@ -39,11 +40,15 @@ class StoredView:
         return self.street, self.number
 
     def digest_content(self) -> object:
-        """Return what tells this view from others."""
-        return self.digest, self.position, self.forward
+        """Return what tells this view from others: one text, as a piece of ground may have many views."""
+        return self._content
 
-    def read(self, group: StoreGroup, plan: Plan, id: int) -> StreetView:
-        """Read the view for a plan of the block, with an id that tells it from others.
+    @cached_property
+    def _content(self) -> str:
+        return unit_key(self.digest, self.position, self.forward)
+
+    def read(self, group: StoreGroup, plan: Plan) -> StreetView:
+        """Read the view for a plan of the block; its viewpoint has no id.
 
         Raises
         ------
@@ -58,7 +63,7 @@ class StoredView:
         row = order[np.searchsorted(plan.ids, shown, sorter=order) % len(order)]
         rows = np.where(plan.ids[row] == shown, row, MISS).astype(np.int32)
         charts = np.repeat(rows[place], np.diff(starts, append=len(flat)))
-        viewpoint = Viewpoint(id, 0, np.array(self.position), np.array(self.forward))
+        viewpoint = Viewpoint(0, 0, np.array(self.position), np.array(self.forward))
         difference, kind = np.ascontiguousarray(data[..., :3]), np.ascontiguousarray(data[..., 3])
         return StreetView(viewpoint, difference, charts.reshape(number.shape), kind)
 

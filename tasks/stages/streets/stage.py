@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from catalogs.block.reader import Block
@@ -15,7 +13,7 @@ from facade_core.plan.plan import Plan
 from facade_core.street.continuation import CONTINUATION
 from tasks.engine.inputs import INPUTS_PENDING
 from tasks.engine.run import Run
-from tasks.engine.stage import ForecastInputs, Stage, StageForecast, UnitOutline
+from tasks.engine.stage import ForecastInputs, Pending, Stage, UnitOutline
 from tasks.engine.unit import Unit
 from tasks.stages.shared.materials import pictured_ground
 from tasks.stages.shared.memory import LIBRARY_BYTES
@@ -25,31 +23,41 @@ from tasks.stages.streets.worker import StreetInputs, compute_street, write_stre
 # Bytes per texel of differences that a street holds, with its blend state, and per pixel of a panorama.
 STREET_TEXEL = 64
 PANORAMA_PIXEL = 160
+# Bytes per texel of pictures that a street reads, and of the largest of their charts while its means are taken.
+PICTURED_TEXEL, AVERAGED_TEXEL = 4, 60
+NO_TEXELS = np.zeros(0, np.int64)
 
 
 def list_street_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit[StreetInputs]]:
     """List the streets; one that shows no pictured ground depends on nothing, and has nothing to do."""
     digests = latest_chart_digests(read_journal(group, "grounds"))
     learnt, nothing = pictured_ground(run, plan, group), store_charts(run, plan, (), {})
-    scene, units = plan.scene, []
+    scene, texels, units = plan.scene, plan.texel_counts(), []
     for index, street in enumerate(plan.streets):
         ground = _ground_of_street(plan, index)
         shown = [chart for chart in ground.tolist() if f"{plan.ids[chart]:016x}" in digests]
-        inputs, area = StreetInputs(index, view_charts(run, plan, ()), nothing, nothing, (), 0), 0.0
+        inputs, memory = StreetInputs(index, view_charts(run, plan, ()), nothing, nothing, (), 0), street_memory()
         if shown:
             looks = [plan.view_digests[viewpoint.id] for viewpoint in plan.street_viewpoints(index)]
             view = view_charts(run, plan, ground.tolist(), scene.spacing, scene.visibility_range, *looks)
             pictured = store_charts(run, plan, shown, digests)
             inputs = StreetInputs(index, view, pictured, learnt, run.materials, run.seed)
-            area = float(np.prod(scene.charts.size[ground], axis=1).sum())
-        units.append(Unit(index, street.id, inputs, street_memory(area)))
+            memory = street_memory(float(np.prod(scene.charts.size[ground], axis=1).sum()), texels[shown])
+        units.append(Unit(index, street.id, inputs, memory))
     return units
 
 
-def street_memory(area: float) -> int:
-    """Return the memory of a street that sees ground of an area, square metres."""
+def street_memory(area: float = 0.0, shown: Int64Array = NO_TEXELS) -> int:
+    """Return the memory of a street.
+
+    Parameters
+    ----------
+    area : of the ground that it sees, square metres.
+    shown : (k,) texels of the charts that pictures show.
+    """
     texels, pixels = int(area * CONTINUATION.texels_per_metre**2), CONTINUATION.panorama_width**2 // 2
-    return LIBRARY_BYTES + texels * STREET_TEXEL + pixels * PANORAMA_PIXEL
+    pictures = int(shown.sum()) * PICTURED_TEXEL + int(shown.max(initial=0)) * AVERAGED_TEXEL
+    return LIBRARY_BYTES + texels * STREET_TEXEL + pixels * PANORAMA_PIXEL + pictures
 
 
 def _ground_of_street(plan: Plan, street: int) -> Int64Array:
@@ -59,14 +67,14 @@ def _ground_of_street(plan: Plan, street: int) -> Int64Array:
     return is_ground
 
 
-def _forecast(inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast:
+def _forecast(inputs: ForecastInputs, own: Pending) -> Pending:
     """Find the pending streets: if ground that pictures may show is written again, all that show pictured ground."""
     rewritten = np.zeros(len(inputs.plan.ids), bool)
     rewritten[list(inputs.rewritten)] = True
     if not rewritten[inputs.plan.ground_near_cameras()].any():
-        return StageForecast(own)
+        return own
     pictured = {unit.index: INPUTS_PENDING for unit in inputs.units["streets"] if unit.inputs.pictured.charts}
-    return StageForecast(pictured | dict(own))
+    return pictured | dict(own)
 
 
 STREETS = Stage(

@@ -20,7 +20,7 @@ from facade_core.street.lighting.settings import SUNLIGHT
 from facade_core.street.surfaces import LEVELLING_MARGIN_M
 from tasks.engine.inputs import INPUTS_PENDING
 from tasks.engine.run import Run
-from tasks.engine.stage import ForecastInputs, Stage, StageForecast, UnitOutline
+from tasks.engine.stage import ForecastInputs, Pending, Stage, UnitOutline
 from tasks.engine.unit import Unit
 from tasks.stages.facades.record import FacadeRecord
 from tasks.stages.shared.base_layer import BASE_LAYER_STAGES
@@ -29,7 +29,7 @@ from tasks.stages.shared.memory import FINISHED_TEXEL, LIBRARY_BYTES
 from tasks.stages.shared.scene_view import SceneView, StoredCharts, store_charts, view_charts
 from tasks.stages.shared.street_views import StoredView, list_stored_views
 from tasks.stages.shared.view_inputs import bounding_box
-from tasks.stages.surfaces.worker import SurfaceInputs, compute_surface, write_surface
+from tasks.stages.surfaces.worker import MAX_CACHED_VIEWS, SurfaceInputs, compute_surface, write_surface
 
 # Bytes per texel that is painted and levelled, with its surroundings (measured: 150).
 SURFACE_TEXEL = 155
@@ -37,6 +37,9 @@ SURFACE_TEXEL = 155
 CONTINUED_TEXEL = 300
 # Bytes that the sources of a continuation take, once for a piece (measured: 187 MB of 640,000 texels, 106 of 260,000).
 CONTINUATION_BYTES = 50_000_000
+
+# Bytes of a view of a street.
+VIEW_BYTES = 1_100_000
 
 # Of a chart that is context: no building has this row, nor has the ground.
 CONTEXT_CHART = -2
@@ -65,7 +68,7 @@ def list_surface_units(run: Run, block: Block, plan: Plan, group: StoreGroup) ->
         inputs = surface_inputs(run, plan, charts, _charts_beside(plan, charts), seeds, views, pictured, walls, labels)
         has_seeds = bool(inputs.seeds.charts_with_texels)
         continued = any(inputs.pictured) or (has_seeds and bool(is_ground[charts[0]]))
-        memory = surface_memory(texels[charts], continued=continued)
+        memory = surface_memory(texels[charts], continued=continued, views=len(inputs.views))
         units.append(Unit(index, name, inputs, memory, tuple(charts)))
     return units
 
@@ -122,19 +125,21 @@ def surface_inputs(
     )
 
 
-def surface_memory(texels: IntArray, *, continued: bool = False) -> int:
+def surface_memory(texels: IntArray, *, continued: bool = False, views: int = 0) -> int:
     """Return the memory of a building or piece of ground: all charts are kept, one at a time is levelled.
 
     Parameters
     ----------
     texels : (k,) texels of its charts.
     continued : whether pictures are continued by example.
+    views : views of streets that are blended.
     """
     example = CONTINUATION_BYTES + int(texels.max()) * CONTINUED_TEXEL if continued else 0
-    return LIBRARY_BYTES + int(texels.sum()) * FINISHED_TEXEL + int(texels.max()) * SURFACE_TEXEL + example
+    held = (views + MAX_CACHED_VIEWS) * VIEW_BYTES if views else 0
+    return LIBRARY_BYTES + int(texels.sum()) * FINISHED_TEXEL + int(texels.max()) * SURFACE_TEXEL + example + held
 
 
-def _forecast(inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast:
+def _forecast(inputs: ForecastInputs, own: Pending) -> Pending:
     """Find the pending surfaces, with those of charts that facades, textures or streets write again."""
     plan = inputs.plan
     again = np.zeros(len(plan.ids), bool)
@@ -145,7 +150,7 @@ def _forecast(inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast:
     if again[plan.ground_near_cameras()].any():  # other ground looks as panoramas show these pieces
         again |= plan.scene.charts.kind == ChartKind.GROUND
     following = {unit.index: INPUTS_PENDING for unit in inputs.units["surfaces"] if again[list(unit.charts)].any()}
-    return StageForecast(following | dict(own))
+    return following | dict(own)
 
 
 SURFACES = Stage(

@@ -40,8 +40,8 @@ from tasks.stages.shared.materials import material_field, with_pictured_ground
 from tasks.stages.shared.scene_view import SceneView, StoredCharts
 from tasks.stages.shared.street_views import StoredView
 
-# Views of streets that a worker keeps between units, of 4 MB each: pieces of ground beside each other share most.
-MAX_CACHED_VIEWS = 32
+# Views of streets that a worker keeps between units: pieces of ground beside each other share most.
+MAX_CACHED_VIEWS = 128
 
 
 @dataclass(frozen=True)
@@ -90,8 +90,8 @@ class FinishedSurfaces(NamedTuple):
 
 
 @lru_cache(maxsize=MAX_CACHED_VIEWS)
-def _read_view(run: Run, view: StoredView, id: int) -> StreetView:
-    return view.read(current_store(), load_run_plan(run), id)
+def _read_view(run: Run, view: StoredView) -> StreetView:
+    return view.read(current_store(), load_run_plan(run))
 
 
 def compute_surface(inputs: SurfaceInputs) -> FinishedSurfaces:
@@ -108,7 +108,7 @@ def compute_surface(inputs: SurfaceInputs) -> FinishedSurfaces:
     pictured = frozenset(compress(inputs.seeds.charts, inputs.pictured))
     known = KnownTexture(_make_reader(group, scene.placement, seeded), seeded, pictured)
     field = _add_wall_material(group, plan, field, charts, seeded)
-    views = [_read_view(inputs.view.run, one, number) for number, one in enumerate(inputs.views)]
+    views = [_read_view(inputs.view.run, one).numbered(number) for number, one in enumerate(inputs.views)]
     rasters = TexelLayout.of_charts(scene.placement, charts)
     colour, provenance = np.empty((rasters.total, 3), np.uint8), np.empty(rasters.total, np.uint8)
     street_views = np.zeros(rasters.total, np.uint16)

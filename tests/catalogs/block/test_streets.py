@@ -97,3 +97,13 @@ def test_what_the_frame_cannot_hold_is_a_fault() -> None:
 def test_nameless_streets_stay_nameless(name: str | None) -> None:
     streets, _ = build_block_streets(CentrelinesAndGround(None, (replace(GOOD, name=name),)), UTM, area=None)
     assert streets[0].name is None
+
+
+def test_pieces_of_a_clipped_street_take_no_id_of_another() -> None:
+    """Three pieces of one way within the area, and another way with the id that the second would have."""
+    bends = [(10, 10), (10, 200), (30, 200), (30, 10), (50, 10), (50, 200), (70, 200), (70, 10)]
+    pieces = (piece("5", *bends, name="Bends"), piece("5-1", (5, 50), (95, 50), name="Across"))
+    streets, _ = build_block_streets(CentrelinesAndGround("EPSG:32635", pieces), UTM, area=AREA)
+    ids = [street.id for street in streets]
+    assert len(ids) == len(set(ids)) == 4
+    assert next(street.id for street in streets if street.name == "Across") == "s5-1"

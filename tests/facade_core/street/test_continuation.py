@@ -73,7 +73,7 @@ def shown(
 
 
 def continued(scene: Scene, materials: MaterialField, brighter: Mapping[float, int]) -> dict[int, StreetView]:
-    seen = [np.arange(len(scene.charts))] * len(viewpoints())
+    seen = [np.flatnonzero(scene.charts.kind == ChartKind.GROUND)] * len(viewpoints())
     return continue_street(scene, materials, viewpoints(), seen, shown(scene, materials, brighter), SETTINGS)
 
 
@@ -119,7 +119,7 @@ def test_what_no_picture_shows_takes_the_tone_that_all_pictures_have_in_common(
     kinds = materials.ground_kinds(chart, 0)
     road = kinds[kinds.shape[0] // 2, kinds.shape[1] // 2]
     pictures[chart] = pictures[chart][0], kinds == road
-    seen = [np.arange(len(scene.charts))] * len(viewpoints())
+    seen = [np.flatnonzero(scene.charts.kind == ChartKind.GROUND)] * len(viewpoints())
     views = continue_street(scene, materials, viewpoints(), seen, pictures, SETTINGS)
     other = ground_at(scene, 15.0)
     made, kinds = blend_street_views(scene, materials, other, list(views.values())), materials.ground_kinds(other, 0)
@@ -134,10 +134,22 @@ def test_little_evidence_changes_little(scene: Scene, materials: MaterialField) 
     few = np.zeros(pictures[chart][1].shape, bool)
     few[100:116, 100:116] = True  # two metres
     pictures[chart] = pictures[chart][0], few
-    seen = [np.arange(len(scene.charts))] * len(viewpoints())
+    seen = [np.flatnonzero(scene.charts.kind == ChartKind.GROUND)] * len(viewpoints())
     views = continue_street(scene, materials, viewpoints(), seen, pictures, SETTINGS)
     found = decided(scene, materials, views, 45.0)
     assert 0 <= found.mean() < 20
+
+
+def test_a_view_that_knows_nothing_decides_nothing(scene: Scene, materials: MaterialField) -> None:
+    """The smallest of patches: pixels mix it with unknown texels, and a view without a pixel of its own says nothing."""
+    pictures = shown(scene, materials, {5.0: 40})
+    (chart,) = pictures
+    spot = np.zeros(pictures[chart][1].shape, bool)
+    spot[100:102, 100:102] = True
+    pictures[chart] = pictures[chart][0], spot
+    seen = [np.flatnonzero(scene.charts.kind == ChartKind.GROUND)] * len(viewpoints())
+    for view in continue_street(scene, materials, viewpoints(), seen, pictures, SETTINGS).values():
+        assert (view.difference[view.chart >= 0] != NO_DIFFERENCE).any()
 
 
 def test_views_are_blended_in_any_order(scene: Scene, materials: MaterialField) -> None:

@@ -195,20 +195,6 @@ def test_only_tiles_under_pixels_are_visited(scene: Scene, monkeypatch) -> None:
     np.testing.assert_array_equal(marked.colour[found], everywhere.colour[found])
 
 
-@pytest.mark.parametrize("threads", [2, 5])
-def test_threads_change_nothing(scene: Scene, threads: int) -> None:
-    together, alone = (window(scene, range(len(scene.charts))) for _ in range(2))
-    for x in (2.0, 9.0, 16.0):
-        rgb = np.random.default_rng(int(x)).integers(0, 255, (128, 256, 3), dtype=np.uint8)
-        propagate_panorama(scene, together, camera(x), rgb, threads=threads)
-        propagate_panorama(scene, alone, camera(x), rgb)
-    assert (alone.provenance == Provenance.TRANSLATED).sum() > 10_000
-    for one, other in zip(together.state, alone.state, strict=True):
-        np.testing.assert_array_equal(one, other)
-    np.testing.assert_array_equal(together.colour, alone.colour)
-    np.testing.assert_array_equal(together.provenance, alone.provenance)
-
-
 def test_pixels_average_the_texels_under_them(scene: Scene) -> None:
     """Stripes finer than a pixel become their mean, not one of them."""
     wall = south_wall(scene, 0)

@@ -91,11 +91,11 @@ def street(height, width):
     viewpoints = [Viewpoint(n, 0, np.array([5.0 * n, -8.0, 2.5]), np.array([1.0, 0.0])) for n in range(3)]
     scene.cast_panorama(viewpoints[0], width)
     ground = np.flatnonzero(charts.kind == ChartKind.GROUND)
-    seen = [np.arange(len(charts))] * len(viewpoints)
-    raster = materials.chart_raster(int(ground[0]))
-    shown = {int(ground[0]): (raster, np.ones(raster.shape[:2], bool))}
+    seen = [ground] * len(viewpoints)
+    rasters = {chart: materials.chart_raster(chart) for chart in ground.tolist()}
 
     def unit():
+        shown = {chart: (raster.copy(), np.ones(raster.shape[:2], bool)) for chart, raster in rasters.items()}
         continue_street(scene, materials, viewpoints, seen, shown)
         return int(np.prod(charts.size[ground], axis=1).sum())
 

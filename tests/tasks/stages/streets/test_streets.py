@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import shapely
 import zarr
 
 from catalogs.readers.pictures.materials import MaterialPicture
@@ -18,6 +19,7 @@ from facade_core.atlas.rasters import read_chart_raster
 from facade_core.atlas.store import open_repository
 from facade_core.core.errors import StoreError
 from facade_core.core.provenance import Provenance
+from facade_core.core.types import SURFACES, GroundArea
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.streets import Viewpoint
 from facade_core.plan.plan_tables import read_plan
@@ -91,16 +93,16 @@ def test_a_view_is_read_as_it_was_written_when_charts_have_other_numbers(store: 
     stored = StoredView(path, digest, "s", 4, (1.0, 2.0, 3.0), (0.0, 1.0))
     order = rng.permutation(len(plan.ids))
     other: Any = SimpleNamespace(ids=plan.ids[order])
-    again = stored.read(group, other, 9)
+    again = stored.read(group, other).numbered(9)
     assert again.viewpoint.id == 9
     np.testing.assert_array_equal(again.difference, view.difference)
     np.testing.assert_array_equal(again.kind, view.kind)
     np.testing.assert_array_equal(np.where(again.chart < 0, -1, order[again.chart]), chart)
     gone: Any = SimpleNamespace(ids=plan.ids[1:])
-    np.testing.assert_array_equal(stored.read(group, gone, 0).chart, np.where(chart > 0, chart - 1, -1))
+    np.testing.assert_array_equal(stored.read(group, gone).chart, np.where(chart > 0, chart - 1, -1))
     group[path][0, 0, 0] += 1
     with pytest.raises(StoreError, match="not as it was written"):
-        stored.read(group, plan, 0)
+        stored.read(group, plan)
 
 
 CHANGES: dict[str, tuple[Callable[[Any, Any], tuple[Any, Any]], str]] = {
@@ -136,6 +138,17 @@ def test_a_key_tells_which_pictures_a_street_sees(made: Textured, store: Any) ->
     changed = replace(inputs.pictured, known=("another",))
     before, now = (join_key(digest_inputs(one)) for one in (inputs, replace(inputs, pictured=changed)))
     assert differing_inputs(before, now) == ["pictured"]
+
+
+def test_a_key_tells_the_surface_of_ground_from_which_others_learn(made: Textured, store: Any) -> None:
+    """Its pictures stay as they are, and stand for another surface of the map."""
+    near = [street.id for street in store.plan.streets].index("s1")
+    area = GroundArea("paved", shapely.box(*shapely.total_bounds(store.plan.scene.charts.boxes)), SURFACES[0])
+    other = replace(store.plan, ground=replace(store.plan.ground, areas=(area,)))
+    before, now = (
+        join_key(digest_inputs(one)) for one in (inputs_of(made, store, near), inputs_of(made, store, near, plan=other))
+    )
+    assert "pictured_ground" in differing_inputs(before, now)
 
 
 def test_views_of_a_block_are_listed_by_viewpoint(store: Any) -> None:

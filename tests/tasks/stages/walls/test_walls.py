@@ -180,8 +180,7 @@ def test_units_stay_where_their_charts_do_and_what_no_camera_shows_any_more_is_c
     block: Any = Value(panoramas=(), exemplars=())
 
     def match_walls(one: Plan, other: Plan) -> tuple[dict[int, int], dict[int, int]]:
-        change: Any = Value(before=one, after=other, block=block, last=_last(one), run=RUN)
-        matches, stays = match_units(change, nothing)
+        matches, stays = match_units(block, one, other, nothing)
         return matches["walls"], stays
 
     again, stays = match_walls(before, after)
