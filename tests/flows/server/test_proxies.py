@@ -36,6 +36,7 @@ def proxies(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setenv(name, "")  # so that the test's end restores them
         monkeypatch.delenv(name)
     monkeypatch.delenv("PREFECT_API_URL", raising=False)
+    monkeypatch.setattr("urllib.request._opener", None)  # it would keep these proxies for all tests that follow
 
 
 def test_the_server_of_a_run_is_reached_past_the_proxy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
