@@ -98,5 +98,5 @@ def street_after(plan: Plan, group: StoreGroup, field: MaterialField, street: in
     """Return the charts of a street after one of its viewpoints."""
     stored = list_stored_views(plan, group)
     own = [one.id for one in plan.street_viewpoints(street)[: step + 1] if one.id in stored]
-    views = tuple(stored[viewpoint].read(group, plan).numbered(viewpoint) for viewpoint in own)
+    views = tuple(stored[viewpoint].read(group, plan).with_viewpoint_id(viewpoint) for viewpoint in own)
     return StreetState(plan, group, field, plan.charts_of_street(street), views)

@@ -79,7 +79,7 @@ class StreetView(NamedTuple):
     chart: Int32Array
     kind: UInt8Array
 
-    def numbered(self, number: int) -> StreetView:
+    def with_viewpoint_id(self, number: int) -> StreetView:
         """Return the view with another id of its viewpoint."""
         return self._replace(viewpoint=replace(self.viewpoint, id=number))
 
@@ -230,6 +230,8 @@ def _continue_view(
     settings: ContinuationSettings,
 ) -> StreetView | None:
     """Complete the partially textured panorama of differences of a viewpoint; None where it shows no difference."""
+    from scipy.ndimage import map_coordinates
+
     size = (settings.panorama_width // 2, settings.panorama_width)
     panorama = render_panorama(scene, buffer, viewpoint, size, shaded=False)
     offset = buffer.layout.offset
@@ -246,9 +248,10 @@ def _continue_view(
     place = (points[:, :2] - viewpoint.position[:2]) / cell + side / 2
     kind = buffer.kinds[texel].astype(np.int64)
     means = _cell_means(panorama.rgb[on], source, kind, place, side)
-    filled, values = np.empty_like(means), np.empty((len(kind), 3))
+    filled = np.empty_like(means)
     _fill_cells(means, (settings.smoothing_m / cell) ** 2, settings.prior_cells, filled)
-    _interpolate(filled, kind, place, values)
+    at = np.stack([kind, place[:, 1] - 0.5, place[:, 0] - 0.5])
+    values = np.stack([map_coordinates(filled[..., band], at, order=1, mode="nearest") for band in range(3)], axis=1)
     difference = np.full((*panorama.chart.shape, 3), NO_DIFFERENCE, np.uint8)
     difference[on] = np.where(is_shown[:, None], panorama.rgb[on], np.rint(values) + NO_DIFFERENCE).astype(np.uint8)
     ground, ground_kind = np.full(on.shape, MISS, np.int32), np.zeros(on.shape, np.uint8)
@@ -309,19 +312,3 @@ def _fill_cells(means: Float64Array, smoothing: float, prior_cells: float, fille
                 filled[kind, row, column, 0] = red / total
                 filled[kind, row, column, 1] = green / total
                 filled[kind, row, column, 2] = blue / total
-
-
-@njit(cache=True)
-def _interpolate(filled: Float64Array, kind: Int64Array, place: Float64Array, values: Float64Array) -> None:
-    """Interpolate the cells of each point's kind bilinearly at its place (k, 2), in place."""
-    last = filled.shape[1] - 1
-    for k in range(len(kind)):
-        u = min(max(place[k, 0] - 0.5, 0.0), float(last))
-        v = min(max(place[k, 1] - 0.5, 0.0), float(last))
-        u0, v0 = min(int(u), last - 1), min(int(v), last - 1)
-        for band in range(3):
-            top = filled[kind[k], v0, u0, band] * (1 - (u - u0)) + filled[kind[k], v0, u0 + 1, band] * (u - u0)
-            below = filled[kind[k], v0 + 1, u0, band] * (1 - (u - u0)) + filled[kind[k], v0 + 1, u0 + 1, band] * (
-                u - u0
-            )
-            values[k, band] = top * (1 - (v - v0)) + below * (v - v0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 from io import BytesIO
 from typing import Any, cast
 
@@ -25,6 +26,7 @@ from facade_core.street.materials.field import MaterialField
 from facade_core.street.materials.grain import GrainExample, GrainTables, learn_grain
 from facade_core.street.materials.grain_file import load_grain_tables
 from facade_core.street.materials.tiled_material import TiledMaterial
+from tasks.engine.context import load_run_plan
 from tasks.engine.run import Run
 from tasks.stages.shared.images import read_bounded_picture
 from tasks.stages.shared.scene_view import StoredCharts, store_charts
@@ -79,6 +81,25 @@ def _pictured_charts(plan: Plan, group: StoreGroup) -> tuple[list[int], dict[str
     units = np.linspace(0, len(near) - 1, min(len(near), MAX_GROUND_PICTURES)).astype(np.int64)
     digests = latest_chart_digests(read_records(group, "grounds", units))
     return [chart for chart in near[units].tolist() if f"{plan.ids[chart]:016x}" in digests], digests
+
+
+@lru_cache(maxsize=4)
+def cached_material_field(
+    run: Run,
+    seed: int,
+    roofs: RoofPicture | None,
+    pictures: tuple[MaterialPicture, ...],
+    learnt: StoredCharts,
+) -> MaterialField:
+    """Return the material field of a block with ground as pictures show it, built once in a process.
+
+    Parameters
+    ----------
+    seed, roofs, pictures : as of `material_field`.
+    learnt : ground charts from which the look of ground is learnt.
+    """
+    plan = load_run_plan(run)
+    return with_pictured_ground(material_field(plan, seed, roofs, pictures), plan, learnt.store, learnt.charts)
 
 
 def with_pictured_ground(field: MaterialField, plan: Plan, group: StoreGroup, charts: Sequence[int]) -> MaterialField:

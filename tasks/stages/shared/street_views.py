@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from facade_core.atlas.journal import read_journal, unit_key
-from facade_core.atlas.stored_files import read_verified_array, street_view_path
+from facade_core.atlas.stored_files import digest_stored_file, read_verified_array, street_view_path
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.streets import Viewpoint
@@ -66,6 +66,23 @@ class StoredView:
         viewpoint = Viewpoint(0, 0, np.array(self.position), np.array(self.forward))
         difference, kind = np.ascontiguousarray(data[..., :3]), np.ascontiguousarray(data[..., 3])
         return StreetView(viewpoint, difference, charts.reshape(number.shape), kind)
+
+
+def write_street_view(group: StoreGroup, plan: Plan, path: str, view: StreetView) -> str:
+    """Write what a viewpoint decided, as `StoredView.read` reads it; returns its digest."""
+    ids = np.append(plan.ids, np.uint64(0))  # 0 for MISS, the last
+    charts = np.ascontiguousarray(ids[view.chart]).view(np.uint8).reshape(*view.chart.shape, 8)
+    data = np.concatenate([view.difference, view.kind[..., None], charts], axis=2)
+    meaning = "difference of ground from its material, 128 for none, its kind, and the id of its chart"
+    group.create_array(
+        path,
+        data=data,
+        chunks=data.shape,
+        dimension_names=("row", "column", "band"),
+        attributes={"long_name": meaning},
+        overwrite=True,
+    )
+    return digest_stored_file(data.tobytes())
 
 
 def list_stored_views(plan: Plan, group: StoreGroup) -> dict[int, StoredView]:

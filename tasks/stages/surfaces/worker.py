@@ -36,7 +36,7 @@ from tasks.engine.inputs import (
     input_field,
 )
 from tasks.engine.run import Run
-from tasks.stages.shared.materials import material_field, with_pictured_ground
+from tasks.stages.shared.materials import cached_material_field
 from tasks.stages.shared.scene_view import SceneView, StoredCharts
 from tasks.stages.shared.street_views import StoredView
 
@@ -99,7 +99,7 @@ def compute_surface(inputs: SurfaceInputs) -> FinishedSurfaces:
     start = time.time()
     charts, scene = inputs.view.charts, inputs.around.scene
     group, plan = inputs.seeds.store, inputs.view.plan
-    field = _material_field(
+    field = cached_material_field(
         inputs.ground.run, inputs.seed, inputs.roof_material, inputs.materials, inputs.pictured_ground
     )
     prepared = time.time()
@@ -108,7 +108,7 @@ def compute_surface(inputs: SurfaceInputs) -> FinishedSurfaces:
     pictured = frozenset(compress(inputs.seeds.charts, inputs.pictured))
     known = KnownTexture(_make_reader(group, scene.placement, seeded), seeded, pictured)
     field = _add_wall_material(group, plan, field, charts, seeded)
-    views = [_read_view(inputs.view.run, one).numbered(number) for number, one in enumerate(inputs.views)]
+    views = [_read_view(inputs.view.run, one).with_viewpoint_id(number) for number, one in enumerate(inputs.views)]
     rasters = TexelLayout.of_charts(scene.placement, charts)
     colour, provenance = np.empty((rasters.total, 3), np.uint8), np.empty(rasters.total, np.uint8)
     street_views = np.zeros(rasters.total, np.uint16)
@@ -149,19 +149,6 @@ def write_surface(atlas: Atlas, _unit: object, result: FinishedSurfaces) -> dict
     digests = chart_digests(result.colour, result.provenance, scene.placement, result.rasters, atlas.plan.ids)
     fields = {"digests": digests, "texels": result.rasters.total, "seconds": result.seconds}
     return fields | describe_completeness([result.provenance])
-
-
-@lru_cache(maxsize=4)
-def _material_field(
-    run: Run,
-    seed: int,
-    roof_material: RoofPicture | None,
-    materials: tuple[MaterialPicture, ...],
-    pictured: StoredCharts,
-) -> MaterialField:
-    plan = load_run_plan(run)
-    field = material_field(plan, seed, roof_material, materials)
-    return with_pictured_ground(field, plan, pictured.store, pictured.charts)
 
 
 def _add_wall_material(

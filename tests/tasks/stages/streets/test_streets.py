@@ -93,7 +93,7 @@ def test_a_view_is_read_as_it_was_written_when_charts_have_other_numbers(store: 
     stored = StoredView(path, digest, "s", 4, (1.0, 2.0, 3.0), (0.0, 1.0))
     order = rng.permutation(len(plan.ids))
     other: Any = SimpleNamespace(ids=plan.ids[order])
-    again = stored.read(group, other).numbered(9)
+    again = stored.read(group, other).with_viewpoint_id(9)
     assert again.viewpoint.id == 9
     np.testing.assert_array_equal(again.difference, view.difference)
     np.testing.assert_array_equal(again.kind, view.kind)
