@@ -22,6 +22,7 @@ import shapely
 from benchmarks.cameras import finer_ground, ground_points, photographed_street, psnr, shown_reader
 from benchmarks.painter.street_paint import ground_pattern_painter
 from benchmarks.painter.street_truth import SyntheticStreet, is_behind_cutout, synthetic_street
+from benchmarks.street.truth import psnr as plain_psnr
 from facade_core.core.types import Pose, Street
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.scene import Scene
@@ -37,7 +38,7 @@ from facade_core.street.materials.field import MaterialField
 from facade_core.street.surfaces import FinishSettings, KnownTexture, finish_chart
 
 MADE = ("material", "pictured", "continued")
-# Side of the squares of which means are compared, metres.
+# Side of the squares whose mean colours are compared, metres.
 SQUARE_M = 0.5
 
 
@@ -113,9 +114,9 @@ def _foretold(
     coarse = {name: np.concatenate(each) for name, each in squares.items()}
     found: dict[str, Any] = {
         name: {
-            "texels": _psnr(whole[name], whole["truth"]),
+            "texels": plain_psnr(whole[name], whole["truth"], ...),
             "texels, a factor aside": psnr(whole[name].astype(np.float64), whole["truth"].astype(np.float64)),
-            "squares": _psnr(coarse[name], coarse["truth"]),
+            "squares": plain_psnr(coarse[name], coarse["truth"], ...),
             "squares, a factor aside": psnr(coarse[name], coarse["truth"]),
         }
         for name in MADE
@@ -124,17 +125,12 @@ def _foretold(
 
 
 def _square_means(raster: np.ndarray, asked: np.ndarray, density: float) -> np.ndarray:
-    """Return the means (k, 3) of squares of which every texel is asked for."""
+    """Return the mean colour (k, 3) of each square, of those that lie in the mask `asked` as a whole."""
     side = round(SQUARE_M * density)
     rows, columns = (length // side * side for length in asked.shape)
     whole = asked[:rows, :columns].reshape(rows // side, side, -1, side).all(axis=(1, 3))
     means = raster[:rows, :columns].astype(np.float64).reshape(rows // side, side, -1, side, 3).mean(axis=(1, 3))
     return np.asarray(means[whole])
-
-
-def _psnr(image: np.ndarray, truth: np.ndarray) -> float:
-    """Return the PSNR in dB, as it is."""
-    return float(10 * np.log10(255**2 / max(np.mean((image.astype(np.float64) - truth) ** 2), 1e-9)))
 
 
 def main() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from types import EllipsisType
 from typing import Any
 
 import numpy as np
@@ -117,7 +118,7 @@ def _facade(
     return colour.reshape(*shape, 3), views.reshape(shape)
 
 
-def psnr(image: np.ndarray, truth: np.ndarray, where: np.ndarray) -> float:
+def psnr(image: np.ndarray, truth: np.ndarray, where: np.ndarray | EllipsisType) -> float:
     error = image[where].astype(np.float64) - truth[where]
     return float(10 * np.log10(255**2 / np.mean(error**2)))
 

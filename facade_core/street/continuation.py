@@ -43,7 +43,7 @@ class ContinuationSettings:
     ----------
     panorama_width : pixels; differences are smooth, so that few are enough.
     texels_per_metre : density at which a street holds differences; these are means over its texels.
-    cell_m : side of the cells of which a viewpoint takes means.
+    cell_m : side of the square cells in which a viewpoint averages differences.
     max_cells_across : cells across the panorama's reach; they are larger where it sees far.
     smoothing_m : distance within which cells weigh about the same.
     prior_cells : known cells nearby that weigh as much as the mean of all that a panorama shows; and of that mean, as no
@@ -262,7 +262,7 @@ def _continue_view(
 def _cell_means(
     difference: UInt8Array, source: UInt8Array, kind: Int64Array, place: Float64Array, side: int
 ) -> Float64Array:
-    """Return the mean difference (kinds, side, side, 3) in each cell of what is known of each kind; NaN where nothing is.
+    """Average the known differences of each kind in each cell, (kinds, side, side, 3); NaN in cells without any.
 
     Known is what pictures show; where the panorama shows none, what earlier views decided.
     """

@@ -1,4 +1,4 @@
-"""What a run is told of its ingest."""
+"""Summary of an ingest, for the run that continues from it."""
 
 from __future__ import annotations
 

@@ -66,8 +66,11 @@ def test_older_snapshots_go_with_what_only_they_hold(textured: tuple[Path, Run],
         (leftover / "pages").mkdir(parents=True)
     for leftover in (out / ".current.tmp", out / ".seen-killed"):
         leftover.touch()
-    done = completion_summary(run)
+    repository, done = open_repository(run.store), completion_summary(run)
     assert done is not None
+    newest = repository.lookup_branch(BRANCH)
+    for tag in ("street-s1-0123456789ab", "handed over"):  # of a run of 0.1.0, and of a person
+        repository.create_tag(tag, newest)
     size = sum(path.stat().st_size for path in (run.store / "chunks").iterdir())
 
     with SnapshotFolder(published / read).hold_for_reading():
@@ -76,6 +79,7 @@ def test_older_snapshots_go_with_what_only_they_hold(textured: tuple[Path, Run],
     assert said[1:] == [f"{out}: kept {read}, which somebody reads"]
     assert sorted(path.name for path in published.iterdir()) == sorted([second, read])
     assert not [path for path in out.iterdir() if path.name.endswith(".tmp") or path.name.startswith(".seen")]
+    assert repository.list_tags() == {"handed over"}
     assert leads_to(published / second, first) == []
     assert find_snapshot_damage(published / second, thorough=True) is None
     assert sum(path.stat().st_size for path in (run.store / "chunks").iterdir()) < size

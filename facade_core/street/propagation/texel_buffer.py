@@ -24,7 +24,8 @@ class TexelBuffer:
     ----------
     layout : layout of the texels.
     writable : (k,) chart ids.
-    colour : (t, 3) uint8 colours or differences: what is known, else Eq. 1 of the views; black before the first view.
+    colour : (t, 3) uint8, a colour or a difference: from pictures where there are any, else blended from the views by
+        Eq. 1; black before the first view.
     provenance : (t,) uint8; UNSEEN before the first view.
     state : blend state of the writable texels.
     kinds : (t,) uint8 kind of surface: a texel takes pixels of its own kind alone.
