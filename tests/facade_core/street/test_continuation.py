@@ -61,7 +61,7 @@ def ground_at(scene: Scene, x: float) -> int:
     raise AssertionError(x)
 
 
-def shown(
+def ground_pictures(
     scene: Scene, materials: MaterialField, brighter: Mapping[float, int]
 ) -> dict[int, tuple[np.ndarray, np.ndarray]]:
     """Pictures of whole pieces of ground, by the x of each, brighter than their material."""
@@ -72,12 +72,14 @@ def shown(
     return found
 
 
-def continued(scene: Scene, materials: MaterialField, brighter: Mapping[float, int]) -> dict[int, StreetView]:
+def continue_from_pictures(
+    scene: Scene, materials: MaterialField, brighter: Mapping[float, int]
+) -> dict[int, StreetView]:
     seen = [np.flatnonzero(scene.charts.kind == ChartKind.GROUND)] * len(viewpoints())
-    return continue_street(scene, materials, viewpoints(), seen, shown(scene, materials, brighter), SETTINGS)
+    return continue_street(scene, materials, viewpoints(), seen, ground_pictures(scene, materials, brighter), SETTINGS)
 
 
-def decided(scene: Scene, materials: MaterialField, views: Mapping[int, StreetView], x: float) -> np.ndarray:
+def differences_at(scene: Scene, materials: MaterialField, views: Mapping[int, StreetView], x: float) -> np.ndarray:
     """The differences that the views decided on the carriageway at an x."""
     chart = ground_at(scene, x)
     made = blend_street_views(scene, materials, chart, list(views.values()))
@@ -89,23 +91,23 @@ def decided(scene: Scene, materials: MaterialField, views: Mapping[int, StreetVi
 
 
 def test_without_a_picture_nothing_is_decided(scene: Scene, materials: MaterialField) -> None:
-    assert continued(scene, materials, {}) == {}
+    assert continue_from_pictures(scene, materials, {}) == {}
 
 
 @pytest.mark.parametrize("at", [5.0, 75.0])
 def test_a_picture_at_one_end_decides_the_whole_street(scene: Scene, materials: MaterialField, at: float) -> None:
-    views = continued(scene, materials, {at: 18})
+    views = continue_from_pictures(scene, materials, {at: 18})
     assert set(views) == set(range(17))
     for x in (15.0, 45.0, 65.0):
-        found = decided(scene, materials, views, x)
+        found = differences_at(scene, materials, views, x)
         assert len(found) > 50
         assert found.max() <= 20
         assert found.min() >= 12
 
 
 def test_between_two_pictures_it_goes_from_one_to_the_other(scene: Scene, materials: MaterialField) -> None:
-    views = continued(scene, materials, {5.0: 18, 75.0: -18})
-    means = [decided(scene, materials, views, x).mean() for x in (30.0, 40.0, 48.0)]
+    views = continue_from_pictures(scene, materials, {5.0: 18, 75.0: -18})
+    means = [differences_at(scene, materials, views, x).mean() for x in (30.0, 40.0, 48.0)]
     assert 18 >= means[0] > means[1] > means[2] >= -18
     assert means[0] > 1 > -1 > means[2]
 
@@ -114,7 +116,7 @@ def test_what_no_picture_shows_takes_the_tone_that_all_pictures_have_in_common(
     scene: Scene, materials: MaterialField
 ) -> None:
     """Only the carriageway is shown: pavements take less of its difference, as little is known of them."""
-    pictures = shown(scene, materials, {5.0: 18})
+    pictures = ground_pictures(scene, materials, {5.0: 18})
     (chart,) = pictures
     kinds = materials.ground_kinds(chart, 0)
     road = kinds[kinds.shape[0] // 2, kinds.shape[1] // 2]
@@ -129,20 +131,20 @@ def test_what_no_picture_shows_takes_the_tone_that_all_pictures_have_in_common(
 
 
 def test_little_evidence_changes_little(scene: Scene, materials: MaterialField) -> None:
-    pictures = shown(scene, materials, {5.0: 40})
+    pictures = ground_pictures(scene, materials, {5.0: 40})
     (chart,) = pictures
     few = np.zeros(pictures[chart][1].shape, bool)
     few[100:116, 100:116] = True  # two metres
     pictures[chart] = pictures[chart][0], few
     seen = [np.flatnonzero(scene.charts.kind == ChartKind.GROUND)] * len(viewpoints())
     views = continue_street(scene, materials, viewpoints(), seen, pictures, SETTINGS)
-    found = decided(scene, materials, views, 45.0)
+    found = differences_at(scene, materials, views, 45.0)
     assert 0 <= found.mean() < 20
 
 
 def test_a_view_that_knows_nothing_decides_nothing(scene: Scene, materials: MaterialField) -> None:
     """The smallest of patches: pixels mix it with unknown texels, and a view without a pixel of its own says nothing."""
-    pictures = shown(scene, materials, {5.0: 40})
+    pictures = ground_pictures(scene, materials, {5.0: 40})
     (chart,) = pictures
     spot = np.zeros(pictures[chart][1].shape, bool)
     spot[100:102, 100:102] = True
@@ -153,7 +155,7 @@ def test_a_view_that_knows_nothing_decides_nothing(scene: Scene, materials: Mate
 
 
 def test_views_are_blended_in_any_order(scene: Scene, materials: MaterialField) -> None:
-    views = list(continued(scene, materials, {5.0: 18, 75.0: -18}).values())
+    views = list(continue_from_pictures(scene, materials, {5.0: 18, 75.0: -18}).values())
     chart = ground_at(scene, 45.0)
     one, other = (
         blend_street_views(scene, materials, chart, views),
@@ -166,7 +168,9 @@ def test_views_are_blended_in_any_order(scene: Scene, materials: MaterialField) 
 
 def test_a_finished_chart_keeps_its_pictures_and_its_detail(scene: Scene, materials: MaterialField) -> None:
     chart = ground_at(scene, 45.0)
-    made = blend_street_views(scene, materials, chart, list(continued(scene, materials, {5.0: 18}).values()))
+    made = blend_street_views(
+        scene, materials, chart, list(continue_from_pictures(scene, materials, {5.0: 18}).values())
+    )
     shape = made.views.shape
     rank = np.zeros(shape, np.uint8)
     rank[:20] = Provenance.PHOTO

@@ -36,7 +36,7 @@ CAMERAS = {"a-1": (8.0, -1.0, 2.5), "a-2": (12.5, 0.5, 2.5)}
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Textured:
+def textured(tmp_path_factory: pytest.TempPathFactory) -> Textured:
     """A block with panoramas of the ground of one street; the other is far away."""
     folder = tmp_path_factory.mktemp("streets")
     write_panoramas(folder / "in", CAMERAS)
@@ -44,25 +44,25 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Textured:
 
 
 @pytest.fixture(scope="module")
-def store(made: Textured) -> Any:
-    session = open_repository(Path(made.run.out) / "store").readonly_session("main")
+def store(textured: Textured) -> Any:
+    session = open_repository(Path(textured.run.out) / "store").readonly_session("main")
     return SimpleNamespace(group=zarr.open_group(session.store, mode="r"), plan=read_plan(session))
 
 
-def inputs_of(made: Textured, store: Any, street: int, run: Any = None, plan: Any = None) -> StreetInputs:
+def inputs_of(textured: Textured, store: Any, street: int, run: Any = None, plan: Any = None) -> StreetInputs:
     block: Any = None
-    units = list_street_units(run or made.run, block, plan or store.plan, store.group)
+    units = list_street_units(run or textured.run, block, plan or store.plan, store.group)
     return units[street].inputs
 
 
-def test_a_street_goes_on_from_pictures_and_one_without_has_nothing_to_do(made: Textured, store: Any) -> None:
+def test_a_street_goes_on_from_pictures_and_one_without_has_nothing_to_do(textured: Textured, store: Any) -> None:
     records = [record or {} for record in read_journal(store.group, "streets")]
     seen = {record["unit"]: len(record["files"]) for record in records}
     assert seen["s1"] == len(store.plan.street_viewpoints([s.id for s in store.plan.streets].index("s1")))
     assert seen["s3"] == 0
     far = [street.id for street in store.plan.streets].index("s3")
-    assert inputs_of(made, store, far).view.charts == ()
-    assert compute_street(inputs_of(made, store, far)) == {}
+    assert inputs_of(textured, store, far).view.charts == ()
+    assert compute_street(inputs_of(textured, store, far)) == {}
 
 
 def test_what_views_decided_is_what_is_translated(store: Any) -> None:
@@ -120,33 +120,34 @@ CHANGES: dict[str, tuple[Callable[[Any, Any], tuple[Any, Any]], str]] = {
 
 
 @pytest.mark.parametrize("name", CHANGES)
-def test_a_key_tells_what_a_street_depends_on(made: Textured, store: Any, name: str) -> None:
+def test_a_key_tells_what_a_street_depends_on(textured: Textured, store: Any, name: str) -> None:
     near = [street.id for street in store.plan.streets].index("s1")
     change, told = CHANGES[name]
-    run, plan = change(made.run, store.plan)
+    run, plan = change(textured.run, store.plan)
     for street, expected in ((near, [told]), (1 - near, [])):
         before, now = (
             join_key(digest_inputs(one))
-            for one in (inputs_of(made, store, street), inputs_of(made, store, street, run, plan))
+            for one in (inputs_of(textured, store, street), inputs_of(textured, store, street, run, plan))
         )
         assert differing_inputs(before, now) == expected
 
 
-def test_a_key_tells_which_pictures_a_street_sees(made: Textured, store: Any) -> None:
+def test_a_key_tells_which_pictures_a_street_sees(textured: Textured, store: Any) -> None:
     near = [street.id for street in store.plan.streets].index("s1")
-    inputs = inputs_of(made, store, near)
+    inputs = inputs_of(textured, store, near)
     changed = replace(inputs.pictured, known=("another",))
     before, now = (join_key(digest_inputs(one)) for one in (inputs, replace(inputs, pictured=changed)))
     assert differing_inputs(before, now) == ["pictured"]
 
 
-def test_a_key_tells_the_surface_of_ground_from_which_others_learn(made: Textured, store: Any) -> None:
+def test_a_key_tells_the_surface_of_ground_from_which_others_learn(textured: Textured, store: Any) -> None:
     """Its pictures stay as they are, and stand for another surface of the map."""
     near = [street.id for street in store.plan.streets].index("s1")
     area = GroundArea("paved", shapely.box(*shapely.total_bounds(store.plan.scene.charts.boxes)), SURFACES[0])
     other = replace(store.plan, ground=replace(store.plan.ground, areas=(area,)))
     before, now = (
-        join_key(digest_inputs(one)) for one in (inputs_of(made, store, near), inputs_of(made, store, near, plan=other))
+        join_key(digest_inputs(one))
+        for one in (inputs_of(textured, store, near), inputs_of(textured, store, near, plan=other))
     )
     assert "pictured_ground" in differing_inputs(before, now)
 
