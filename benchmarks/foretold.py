@@ -108,7 +108,7 @@ def _foretold(
         }
         for name, raster in rasters.items():
             parts[name].append(raster[asked])
-            squares[name].append(_square_means(raster, asked, float(scene.placement.texels_per_metre[chart])))
+            squares[name].append(mean_squares(raster, asked, float(scene.placement.texels_per_metre[chart])))
         parts["views"].append((differences.views if differences else np.zeros(size, np.uint16))[asked])
     whole = {name: np.concatenate(each) for name, each in parts.items()}
     coarse = {name: np.concatenate(each) for name, each in squares.items()}
@@ -124,7 +124,7 @@ def _foretold(
     return found | {"street": {"decided": float((whole["views"] > 0).mean()), "seconds": seconds}}
 
 
-def _square_means(raster: np.ndarray, asked: np.ndarray, density: float) -> np.ndarray:
+def mean_squares(raster: np.ndarray, asked: np.ndarray, density: float) -> np.ndarray:
     """Return the mean colour (k, 3) of each square, of those that lie in the mask `asked` as a whole."""
     side = round(SQUARE_M * density)
     rows, columns = (length // side * side for length in asked.shape)

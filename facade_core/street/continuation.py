@@ -56,7 +56,7 @@ class ContinuationSettings:
     cell_m: float = 2.0
     max_cells_across: int = 40
     smoothing_m: float = 4.0
-    prior_cells: float = 4.0
+    prior_cells: float = 1.0
     min_shown_share: float = 0.5
 
 

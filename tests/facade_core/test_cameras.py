@@ -12,6 +12,7 @@ from benchmarks.painter.street_paint import ground_pattern_painter
 from benchmarks.painter.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
 from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
+from facade_core.imagery.cameras.agreement import find_ground_lines
 from facade_core.imagery.cameras.camera_view import PanoramaCamera
 from facade_core.imagery.cameras.exposure import estimate_common_exposure, sample_ground_colours, typical_ground_colour
 from facade_core.imagery.cameras.ground import fuse_ground_view, select_trusted_ground_texels
@@ -175,6 +176,28 @@ def test_what_is_thin_and_shown_by_one_camera_is_not_believed() -> None:
         assert not one[34:70, trunk : trunk + 3].any()
         assert one[:, 60:63].all()
         assert one.mean() > 0.7
+
+
+@pytest.mark.parametrize(
+    ("line", "shown_bare", "taken"),
+    [
+        ("rail", False, True),
+        ("post", False, False),  # its foot is at the camera's side, and it points away from the camera
+        ("rail", True, False),  # another camera shows the ground without it
+    ],
+)
+def test_a_line_that_does_not_point_at_the_camera_lies_on_the_ground(line: str, shown_bare: bool, taken: bool) -> None:
+    size, foot = (96, 160), np.array([20.0, 48.0])
+    rgb = np.full((*size, 3), 100, np.uint8)
+    strip = (slice(20, 24), slice(30, 130)) if line == "rail" else (slice(46, 50), slice(40, 130))
+    rgb[strip] = 210
+    shown = np.ones(size, bool)
+    views = [ChartView(rgb, shown, np.full(size, 0.5, np.float32))]
+    if shown_bare:
+        views.append(replace(views[0], rgb=np.full((*size, 3), 100, np.uint8)))
+    found = find_ground_lines(views, [foot] * len(views), 16.0)[0]
+    assert found[strip][1:-1, 2:-2].all() if taken else not found.any()
+    assert found.sum() <= 2 * found[strip].size
 
 
 def test_of_each_camera_nothing_but_its_view_of_the_ground_is_kept(street: SyntheticStreet) -> None:

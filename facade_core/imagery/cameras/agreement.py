@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float32Array, NumericArray, UInt8Array
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, NumericArray, UInt8Array
 from facade_core.core.levelling import fill_unknown_values
 from facade_core.imagery.cameras.settings import AGREEMENT
 from facade_core.imagery.rectify.fusion import ChartView
@@ -83,26 +83,107 @@ def find_thin_objects(views: Sequence[ChartView], density: float) -> list[BoolAr
     -------
     One mask (h, w) bool per view, with a rim.
     """
-    import cv2
-
-    side = max(1, round(AGREEMENT.thin_cell_m * density))
-    window = 2 * round(AGREEMENT.median_window_m / AGREEMENT.thin_cell_m / 2) + 1
-    log_colour, shares = zip(*(mean_log_colour(view.rgb, view.clear, side) for view in views), strict=True)
-    is_usable = [share > AGREEMENT.min_clear_share for share in shares]
+    side = _thin_side(density)
+    cells = [_find_thin_cells(view, side) for view in views]
     masks = []
     for i, view in enumerate(views):
-        colour = np.rint(fill_unknown_values(np.exp(log_colour[i]), is_usable[i])).clip(1, 255).astype(np.uint8)
-        median_colour = np.log(np.maximum(cv2.medianBlur(colour, window), 1).astype(np.float32))
-        is_thin = is_usable[i] & (np.abs(log_colour[i] - median_colour).max(axis=2) > AGREEMENT.min_thin_contrast)
-        for j in range(len(views)):
+        is_thin = cells[i].is_thin
+        for j, other in enumerate(cells):
             box = _bounding_box(is_thin, AGREEMENT.thin_rim_cells)
-            if j != i and is_usable[j][box].any():
+            if j != i and other.is_usable[box].any():
                 is_thin[box] &= ~_has_match(
-                    log_colour[i][box], log_colour[j][box], is_usable[j][box], AGREEMENT.thin_rim_cells
+                    cells[i].log_colour[box], other.log_colour[box], other.is_usable[box], AGREEMENT.thin_rim_cells
                 )
-        with_rim = cv2.dilate(is_thin.astype(np.uint8), np.ones((2 * AGREEMENT.thin_rim_cells + 1,) * 2, np.uint8)) > 0
-        masks.append(squares_to_texels(with_rim, side, view.seen.shape))
+        masks.append(squares_to_texels(grow_mask(is_thin, AGREEMENT.thin_rim_cells), side, view.seen.shape))
     return masks
+
+
+def find_ground_lines(views: Sequence[ChartView], feet: Sequence[Float64Array], density: float) -> list[BoolArray]:
+    """Mask texels of each view of level ground that lie on it as lines: paint, rails, kerbs.
+
+    What stands on the ground points away from the camera's foot. A line that passes the foot lies on the ground, unless
+    another camera shows the place without it.
+
+    Parameters
+    ----------
+    views : views of one chart, of equal size and exposure.
+    feet : (2,) column and row of the texel below each camera, in or beside the chart.
+    density : texels per metre.
+
+    Returns
+    -------
+    One mask (h, w) bool per view.
+    """
+    import cv2
+
+    side, lines = _thin_side(density), []
+    for view, foot in zip(views, feet, strict=True):
+        is_thin = _find_thin_cells(view, side).is_thin
+        _, numbers, boxes, _ = cv2.connectedComponentsWithStats(is_thin.astype(np.uint8), connectivity=8)
+        lies = np.zeros(is_thin.shape, bool)
+        for number, (left, top, wide, high, _) in enumerate(boxes[1:].tolist(), 1):
+            box = slice(top, top + high), slice(left, left + wide)
+            cells = is_thin[box] & (numbers[box] == number)
+            if _passes(cells, foot / side - (left, top), side / density):
+                lies[box] |= cells
+        lines.append(squares_to_texels(lies, side, view.seen.shape))
+    rim = AGREEMENT.thin_rim_cells * side
+    return [
+        line & ~np.any([one.clear & ~grow_mask(lines[j], rim) for j, one in enumerate(views) if j != i], axis=0)
+        for i, line in enumerate(lines)
+    ]
+
+
+def _passes(cells: BoolArray, foot: Float64Array, cell_m: float) -> bool:
+    """Return True for cells (r, c) along a line that does not point at a place, in cells."""
+    row, column = np.nonzero(cells)
+    offsets = np.column_stack([column, row]) + 0.5 - foot
+    middle = offsets.mean(axis=0)
+    if len(row) * cell_m < AGREEMENT.min_line_m:  # too few for any line
+        return False
+    (xx, xy), (_, yy) = np.cov((offsets - middle).T)
+    turn = 0.5 * np.arctan2(2 * xy, xx - yy)
+    along = np.array([np.cos(turn), np.sin(turn)])
+    across = np.array([along[1], -along[0]])
+    length = (np.ptp(offsets @ along) + 1) * cell_m
+    # a bent line spreads over more than its width
+    spread = (np.ptp(offsets @ across) + 1) * cell_m
+    return bool(
+        length >= max(AGREEMENT.min_line_m, AGREEMENT.min_line_widths * spread)
+        and abs(middle @ across) * cell_m >= AGREEMENT.min_line_distance_m
+    )
+
+
+class _ThinCells(NamedTuple):
+    """Cells (r, c) of a view: logarithm of their colour (r, c, 3), which are usable, which contrast with their surroundings."""
+
+    log_colour: Float32Array
+    is_usable: BoolArray
+    is_thin: BoolArray
+
+
+def _thin_side(density: float) -> int:
+    return max(1, round(AGREEMENT.thin_cell_m * density))
+
+
+def _find_thin_cells(view: ChartView, side: int) -> _ThinCells:
+    import cv2
+
+    window = 2 * round(AGREEMENT.median_window_m / AGREEMENT.thin_cell_m / 2) + 1
+    log_colour, share = mean_log_colour(view.rgb, view.clear, side)
+    is_usable = share > AGREEMENT.min_clear_share
+    colour = np.rint(fill_unknown_values(np.exp(log_colour), is_usable)).clip(1, 255).astype(np.uint8)
+    median_colour = np.log(np.maximum(cv2.medianBlur(colour, window), 1).astype(np.float32))
+    is_thin = is_usable & (np.abs(log_colour - median_colour).max(axis=2) > AGREEMENT.min_thin_contrast)
+    return _ThinCells(log_colour, is_usable, is_thin)
+
+
+def grow_mask(mask: BoolArray, by: int) -> BoolArray:
+    """Return the mask (h, w) with `by` elements around it."""
+    import cv2
+
+    grown: BoolArray = cv2.dilate(mask.astype(np.uint8), np.ones((2 * by + 1,) * 2, np.uint8)) > 0
+    return grown
 
 
 def squares_to_texels(squares: BoolArray, side: int, shape: tuple[int, ...]) -> BoolArray:

@@ -16,7 +16,13 @@ import numpy as np
 from facade_core.core.arrays import BoolArray, Float32Array, Float64Array
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.cameras.agreement import compare_views_by_squares, find_thin_objects, squares_to_texels
+from facade_core.imagery.cameras.agreement import (
+    compare_views_by_squares,
+    find_ground_lines,
+    find_thin_objects,
+    grow_mask,
+    squares_to_texels,
+)
 from facade_core.imagery.cameras.camera_view import (
     FusedCameraView,
     PanoramaCamera,
@@ -68,11 +74,20 @@ def fuse_ground_view(scene: Scene, chart: int, cameras: Iterable[PanoramaCamera]
     views = _clear_matching_ground(scene, chart, shown)
     if not any(bool(view.clear.any()) for view in views):
         return None
+    lines = find_ground_lines(views, [_foot(scene, chart, one.pose) for one in shown], density)
+    plain = [replace(view, occluded=view.seen & ~(view.clear & ~line)) for view, line in zip(views, lines, strict=True)]
+    trusted = select_trusted_ground_texels(plain, [one.ground_colour for one in shown], density)
+    rim = round(GROUND.doubt_rim_m * density)
     return fuse_camera_views(
-        views,
-        select_trusted_ground_texels(views, [one.ground_colour for one in shown], density),
-        density,
+        views, [mask | line & grow_mask(mask, rim) for mask, line in zip(trusted, lines, strict=True)], density
     )
+
+
+def _foot(scene: Scene, chart: int, pose: Pose) -> Float64Array:
+    """Return column and row (2,) of the texel below a camera."""
+    charts, density = scene.charts, float(scene.placement.texels_per_metre[chart])
+    offset = camera_position(pose) - charts.origin[chart]
+    return np.array([offset @ charts.axis_u[chart], offset @ charts.axis_v[chart]]) * density
 
 
 def select_trusted_ground_texels(
@@ -92,8 +107,6 @@ def select_trusted_ground_texels(
     -------
     One mask (h, w) bool per view.
     """
-    import cv2
-
     squares, trusted, rim = compare_views_by_squares(views, density), [], round(GROUND.doubt_rim_m * density)
     for i, view in enumerate(views):
         supported, opposed, alone = (
@@ -113,8 +126,7 @@ def select_trusted_ground_texels(
             ).all(axis=2)
         doubted = squares.is_usable[i] & ~supported & ~alone
         texels = [squares_to_texels(square, squares.side, view.seen.shape) for square in (supported, alone, doubted)]
-        near_doubt = cv2.dilate(texels[2].astype(np.uint8), np.ones((2 * rim + 1,) * 2, np.uint8)) > 0
-        trusted.append(view.clear & (texels[0] | texels[1]) & ~near_doubt)
+        trusted.append(view.clear & (texels[0] | texels[1]) & ~grow_mask(texels[2], rim))
     return [
         is_trusted & ~is_thin for is_trusted, is_thin in zip(trusted, find_thin_objects(views, density), strict=True)
     ]

@@ -18,6 +18,9 @@ class AgreementSettings:
     median_window_m : side in metres of the window whose median a cell is compared with.
     min_thin_contrast : log ratio to that median from which a cell is a thin object.
     thin_rim_cells : cells around a thin object that are removed too, and in which another camera may confirm its colour.
+    min_line_m : least length of a line on the ground, metres.
+    min_line_widths : least length of a line, as a multiple of its spread across.
+    min_line_distance_m : a line passes the camera's foot at this distance at least, metres; what stands points at it.
     """
 
     compared_square_m: float = 0.5
@@ -27,6 +30,9 @@ class AgreementSettings:
     median_window_m: float = 1.6
     min_thin_contrast: float = 0.3
     thin_rim_cells: int = 2
+    min_line_m: float = 1.5
+    min_line_widths: float = 4.0
+    min_line_distance_m: float = 0.8
 
 
 AGREEMENT = AgreementSettings()
