@@ -52,6 +52,17 @@ def check_virtual_raster(path: Path, check_source: Callable[[Path], object]) -> 
     path : VRT file.
     check_source : called with each source file.
     """
+    for element in _parse_virtual_raster(path).iter():
+        if element.tag not in _ALLOWED_ELEMENTS:
+            raise InputError(f"{path} is more than a mosaic of files ({str(element.tag)[:60]}); {REMEDY}")
+        named = {name.lower(): value for name, value in element.attrib.items()}
+        if "subclass" in named or "OVERVIEW_FILE" in map(str.upper, named.values()):
+            raise InputError(f"{path} is more than a mosaic of files ({', '.join(named.values())[:60]}); {REMEDY}")
+        if element.tag == "SourceFilename":
+            _check_source(path, (element.text or "").strip(), named.get("relativetovrt") == "1", check_source)
+
+
+def _parse_virtual_raster(path: Path) -> Element:
     from defusedxml import ElementTree
     from defusedxml.common import DefusedXmlException
 
@@ -67,14 +78,7 @@ def check_virtual_raster(path: Path, check_source: Callable[[Path], object]) -> 
         ) from error
     if root.tag != "VRTDataset":
         raise InputError(f"{path} is XML ({str(root.tag)[:60]}), no raster; give e.g. a GeoTIFF")
-    for element in root.iter():
-        if element.tag not in _ALLOWED_ELEMENTS:
-            raise InputError(f"{path} is more than a mosaic of files ({str(element.tag)[:60]}); {REMEDY}")
-        named = {name.lower(): value for name, value in element.attrib.items()}
-        if "subclass" in named or "OVERVIEW_FILE" in map(str.upper, named.values()):
-            raise InputError(f"{path} is more than a mosaic of files ({', '.join(named.values())[:60]}); {REMEDY}")
-        if element.tag == "SourceFilename":
-            _check_source(path, (element.text or "").strip(), named.get("relativetovrt") == "1", check_source)
+    return root
 
 
 def _check_source(path: Path, text: str, relative: bool, check_source: Callable[[Path], object]) -> None:
