@@ -73,7 +73,7 @@ def read_mesh_buildings(path: Path, lod: str | None = None, keys: SourceKeys = N
         raise InputError(f"{path} holds no triangles; export the buildings as a mesh")
     check_earth_centred(surfaces, path)
     models, broken = group_into_models(merge_surface_names(surfaces), path.stem, remarks)
-    models, others = select_plausible_models(models, path, is_metric=frame is None or not frame.is_geographic)
+    models, others = select_plausible_models(models, path, frame)
     models, textures = _drop_unused_textures(models, textures)
     return BuildingModels(crs, models, textures, (*remarks, *others), (*faults, *broken))
 
@@ -117,8 +117,8 @@ def _read_npz(path: Path) -> tuple[list[MeshSurface], str | None]:
         crs = f"EPSG:{int(arrays['epsg'])}" if "epsg" in arrays else None
     if triangles.size > 9 * LIMITS.max_triangles:
         raise InputError(f"{path} holds over {LIMITS.max_triangles} triangles; cut out the block that is meant")
-    fits = triangles.ndim == 3 and triangles.shape[1:] == (3, 3) and triangles.dtype.kind in "fiu"
-    if not (fits and feature.shape == triangles.shape[:1] and feature.dtype.kind in "iu" and origin.shape == (3,)):
+    fits = feature.ndim == 1 and triangles.shape == (*feature.shape, 3, 3) and origin.shape == (3,)
+    if not fits or triangles.dtype.kind not in "fiu" or feature.dtype.kind not in "iu":
         raise InputError(
             f"{path}: triangles {triangles.shape}, feature {feature.shape}, {feature.dtype}; give {wanted}"
         )

@@ -56,6 +56,17 @@ class _ObjContent:
     libraries: list[str] = field(default_factory=list)
     has_vertex_colours: bool = False
 
+    def add_face(self, words: Sequence[str], label: FaceLabel) -> None:
+        """Add a face by the words of its corners; lines and points are none."""
+        if len(words) < 3:
+            return
+        self.sizes.append(len(words))
+        self.label.append(self.labels.setdefault(label, len(self.labels)))
+        for word in words:
+            vertex, _, rest = word.partition("/")
+            self.vertex.append(_parse_index(vertex, len(self.vertices) // 3))
+            self.coordinate.append(_parse_index(rest.partition("/")[0], len(self.coordinates) // 2) if rest else -1)
+
 
 def read_obj_surfaces(path: Path) -> tuple[list[MeshSurface], tuple[Path, ...], list[Remark], list[Fault]]:
     """Read surfaces by building and semantic, the pictures that they use, remarks and faults.
@@ -76,13 +87,18 @@ def read_obj_surfaces(path: Path) -> tuple[list[MeshSurface], tuple[Path, ...], 
         remarks.append(Remark(path.name, VERTEX_COLOUR_REASON, None))
 
     objects = {label[0] for label in text.labels} - {None}
-    piped = any("|" in (label[1] or "") for label in text.labels)
-    by_object = len(objects) > 1 and not piped
+    by_object = len(objects) > 1 and not any("|" in (label[1] or "") for label in text.labels)
     kinds = [_surface_key(label, by_object, pictures, textures, colours) for label in text.labels]
-    named = {_building_name(label, by_object) for label in text.labels}
-    empty = sorted({_building_name(label, by_object) for label in text.declared} - named - {None}, key=str)
-    faults = [Fault(str(name), "building", f"group {name} of {path.name} has no faces; give it some") for name in empty]
+    empty = _find_empty_buildings(text, by_object)
+    faults = [Fault(name, "building", f"group {name} of {path.name} has no faces; give it some") for name in empty]
     return list(_build_surfaces(text, kinds)), textures, remarks, faults
+
+
+def _find_empty_buildings(text: _ObjContent, by_object: bool) -> list[str]:
+    named, declared = (
+        {_building_name(label, by_object) for label in labels} for labels in (text.labels, text.declared)
+    )
+    return sorted(map(str, declared - named - {None}))
 
 
 def _surface_key(
@@ -118,7 +134,6 @@ def _building_name(label: FaceLabel, by_object: bool) -> str | None:
 def _parse_obj(path: Path) -> _ObjContent:
     text = _ObjContent()
     label: FaceLabel = (None, None, None)
-    number = -1
     for line in _logical_lines(path):
         words = line.split()
         key = words[0] if words else ""
@@ -126,27 +141,17 @@ def _parse_obj(path: Path) -> _ObjContent:
             text.vertices.extend(_parse_floats(words[1:4], 3))
             text.has_vertex_colours |= len(words) >= 7
         elif key == "f":
-            if len(words) < 4:
-                continue
-            if number < 0:
-                number = text.labels.setdefault(label, len(text.labels))
-            text.sizes.append(len(words) - 1)
-            text.label.append(number)
-            for word in words[1:]:
-                vertex, _, rest = word.partition("/")
-                text.vertex.append(_parse_index(vertex, len(text.vertices) // 3))
-                text.coordinate.append(_parse_index(rest.partition("/")[0], len(text.coordinates) // 2) if rest else -1)
+            text.add_face(words[1:], label)
         elif key == "vt":
             text.coordinates.extend(_parse_floats([*words[1:3], "0"][:2], 2))
         elif key in ("g", "o", "usemtl"):
             name = line.strip()[len(key) :].strip()
-            if key == "o":
-                label = (name, None, label[2])
-            else:
-                label = (label[0], name, label[2]) if key == "g" else (label[0], label[1], name)
+            object_name, group, material = label
+            label = {"o": (name, None, material), "g": (object_name, name, material)}.get(
+                key, (object_name, group, name)
+            )
             if key != "usemtl":
                 text.declared.add(label)
-            number = -1
         elif key == "mtllib":
             text.libraries.append(line.strip()[6:].strip())
     return text
@@ -247,21 +252,27 @@ def _read_material_libraries(
             material = ""
             for line in _logical_lines(file):
                 key, _, value = line.strip().partition(" ")
-                if key.lower() == "newmtl":
+                key = key.lower()
+                if key == "newmtl":
                     material = value.strip()
-                elif key.lower() == "kd":
-                    if colour := parse_colour_shares(_parse_floats(value.split()[:3], 3)):
-                        colours[material] = colour
-                elif key.lower() in _PICTURE_KEYS:
-                    if key.lower() != _PICTURE_KEYS[0] and material in pictures:
-                        continue
-                    # options may precede the name; many exporters write an absolute folder
-                    stated, placement = parse_texture_statement(value.replace("\\", "/"))
-                    names = [stated, *stated.split()[-1:]]
-                    found = [name for whole in names for name in (whole, *_ends_of_path(whole))]
-                    if picture := find_referenced_file(path, *found, folder=file.parent):
-                        pictures[material] = (picture, placement)
+                elif key == "kd" and (colour := parse_colour_shares(_parse_floats(value.split()[:3], 3))):
+                    colours[material] = colour
+                elif key == _PICTURE_KEYS[0] or (key in _PICTURE_KEYS and material not in pictures):
+                    picture = _find_picture(path, file, value)
+                    if isinstance(picture, Remark):
+                        remarks.append(picture)
                     else:
-                        reason = unread_file_reason(path, *names, folder=file.parent)
-                        remarks.append(Remark(stated, reason or "pictures named by materials but absent", None))
+                        pictures[material] = picture
     return pictures, colours, remarks
+
+
+def _find_picture(path: Path, library: Path, statement: str) -> tuple[Path, TexturePlacement] | Remark:
+    """Return the picture of a statement of a material library with its placement, or why it is not read."""
+    # options may precede the name; many exporters write an absolute folder
+    stated, placement = parse_texture_statement(statement.replace("\\", "/"))
+    names = [stated, *stated.split()[-1:]]
+    found = [name for whole in names for name in (whole, *_ends_of_path(whole))]
+    if picture := find_referenced_file(path, *found, folder=library.parent):
+        return picture, placement
+    reason = unread_file_reason(path, *names, folder=library.parent)
+    return Remark(stated, reason or "pictures named by materials but absent", None)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +14,9 @@ from catalogs.readers.meshes.surfaces import MeshSurface
 from catalogs.readers.settings import MODELS
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
+
+if TYPE_CHECKING:
+    from pyproj import CRS
 
 # Names of objects that programs export along with buildings.
 _OTHER_OBJECT = re.compile(
@@ -40,7 +44,7 @@ def check_earth_centred(surfaces: Sequence[MeshSurface], path: Path) -> None:
 
 
 def select_plausible_models(
-    models: Sequence[BuildingModel], path: Path, *, is_metric: bool
+    models: Sequence[BuildingModel], path: Path, frame: CRS | None
 ) -> tuple[tuple[BuildingModel, ...], list[Remark]]:
     """Return the models that may be buildings, and remarks on the others.
 
@@ -48,7 +52,7 @@ def select_plausible_models(
     ----------
     models : models of the file.
     path : file.
-    is_metric : False where x and y are degrees.
+    frame : frame of x and y, None where it is unknown.
 
     Raises
     ------
@@ -66,7 +70,7 @@ def select_plausible_models(
             sizes.append(size)
     if models and not kept:
         raise InputError(f"{path} holds flat models or terrain only; give one with buildings (of y-up files: up: y)")
-    if kept and is_metric:
+    if kept and not (frame is not None and frame.is_geographic):
         _check_unit(np.array(sizes), path)
     return tuple(kept), remarks
 

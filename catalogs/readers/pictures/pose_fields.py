@@ -121,7 +121,7 @@ def _unit_factor(name: str, key: str, crs: str | None) -> float:
     if key in _ANGLE_KEYS:
         return _ANGLE_UNITS.get(unit or "", 1.0)
     if key == "z":
-        return _LENGTH_UNITS[unit] if unit in _LENGTH_UNITS else 1.0 if crs is None else metres_per_height_unit(crs)
+        return _LENGTH_UNITS[unit] if unit in _LENGTH_UNITS else metres_per_height_unit(crs)
     if key in ("x", "y") and unit in _LENGTH_UNITS:
         factor = _LENGTH_UNITS[unit] / _metres_per_unit(crs)
         return factor if abs(factor - 1.0) > 1e-5 else 1.0  # feet of the survey are feet

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeGuard
 
 import numpy as np
 import shapely
@@ -82,12 +82,14 @@ def read_vector_footprints(path: Path, lod: str | None = None, keys: SourceKeys 
     items = []
     degrees = features.crs == LONLAT
     bases = _base_heights(features.geometries)
-    from_osm = any(tags.get("building") == "yes" for tags in features.tags)
-    for id, geometry, tags, base in zip(features.ids, features.geometries, features.tags, bases, strict=True):
-        if geometry is None or geometry.is_empty:
+    tagged = _are_buildings(features.tags)
+    for id, geometry, tags, base, is_building in zip(
+        features.ids, features.geometries, features.tags, bases, tagged, strict=True
+    ):
+        if not _is_drawn(geometry):
             faults.append(Fault(id, "building", f"footprint {id} has no geometry, or a broken one; draw or remove it"))
             continue
-        if tags.get("building") == "no" or (from_osm and "building" not in tags and not is_building_part(tags)):
+        if not is_building:
             remarks.append(Remark(id, "outlines that are not tagged as buildings set aside", geometry))
             continue
         if not (np.abs(shapely.get_coordinates(geometry)) < LIMITS.max_coordinate).all():
@@ -113,6 +115,19 @@ def read_vector_footprints(path: Path, lod: str | None = None, keys: SourceKeys 
     return Footprints(features.crs, tuple(items), tuple(remarks), tuple(faults))
 
 
+def _is_drawn(geometry: BaseGeometry | None) -> TypeGuard[BaseGeometry]:
+    return geometry is not None and not geometry.is_empty
+
+
+def _are_buildings(layer: Sequence[Mapping[str, str]]) -> list[bool]:
+    """Return False for outlines that are tagged as none, and for untagged ones beside OpenStreetMap's `building=yes`."""
+    from_osm = any(tags.get("building") == "yes" for tags in layer)
+    return [
+        tags.get("building") != "no" and (not from_osm or "building" in tags or is_building_part(tags))
+        for tags in layer
+    ]
+
+
 def read_vector_centrelines(path: Path, keys: SourceKeys = NO_SOURCE_KEYS) -> CentrelinesAndGround:
     """Read street centrelines and ground features.
 
@@ -134,11 +149,7 @@ def read_vector_centrelines(path: Path, keys: SourceKeys = NO_SOURCE_KEYS) -> Ce
             if opendrive and stated.get("junction") != "-1":
                 continue
             tags = stated if from_osm else osm_ground_tags(stated)
-            drawn = geometry is not None and not geometry.is_empty
-            if from_osm and "highway" not in tags:
-                continue
-            tunnel = (tags.get("tunnel") == "yes" or _is_no_road(stated)) and "highway" not in tags
-            if tunnel or "railway" in tags or ("highway" in tags and drawn and not is_street(geometry, tags)):
+            if (from_osm and "highway" not in tags) or not _is_viewed_street(geometry, tags, stated):
                 continue
             plain = {key: split_osmnx_values(value)[0] for key, value in tags.items() if key != "class"}
             yield id, geometry, plain.get("name"), plain
@@ -156,6 +167,15 @@ def read_vector_centrelines(path: Path, keys: SourceKeys = NO_SOURCE_KEYS) -> Ce
         ground += _project_ground_features(others, features.crs)
     remarks = (*features.remarks, *_id_remarks(found, features, path), *_width_remarks(features))
     return replace(found, remarks=remarks, ground=tuple(ground))
+
+
+def _is_viewed_street(geometry: BaseGeometry | None, tags: Mapping[str, str], stated: Mapping[str, str]) -> bool:
+    """Return True for a line of a street; lines without a geometry are reported later."""
+    if "railway" in tags:
+        return False
+    if "highway" in tags:
+        return not _is_drawn(geometry) or is_street(geometry, tags)
+    return tags.get("tunnel") != "yes" and not _is_no_road(stated)
 
 
 def _width_remarks(features: LayerFeatures) -> Iterator[Remark]:
@@ -245,7 +265,7 @@ def _layer_remarks(features: LayerFeatures) -> list[Remark]:
 
 def _base_heights(geometries: Sequence[BaseGeometry | None]) -> list[float | None]:
     """Return the lowest z of each geometry; None for all where one has no z or all z are zero."""
-    drawn = [geometry for geometry in geometries if geometry is not None and not geometry.is_empty]
+    drawn = list(filter(_is_drawn, geometries))
     if not drawn or not shapely.has_z(drawn).all():
         return [None] * len(geometries)
     lowest = [_lowest_z(geometry) for geometry in geometries]
