@@ -17,6 +17,7 @@ from facade_core.core.errors import InputError
 from facade_core.core.regular_files import open_regular
 
 if TYPE_CHECKING:
+    from lxml import etree
     from lxml.etree import _Element as Element
 
 _ID_ATTRIBUTES = ("{http://www.opengis.net/gml}id", "{http://www.opengis.net/gml/3.2}id")
@@ -64,6 +65,10 @@ def iterate_elements(path: Path, names: Collection[str]) -> Iterator[Element]:
                         del parent[0]
     except (OSError, EOFError, zlib.error, etree.XMLSyntaxError) as error:
         raise InputError(f"{path} cannot be read ({short_message(error)}); export it again") from error
+    _check_parsed(events, path)
+
+
+def _check_parsed(events: etree.iterparse, path: Path) -> None:
     if events.root is not None and events.root.getroottree().docinfo.internalDTD is not None:
         raise InputError(f"{path} declares a DTD, which CityGML has no use for; delete its <!DOCTYPE ...>")
     for flaw in events.error_log.filter_from_fatals():

@@ -117,15 +117,14 @@ def _read_npz(path: Path) -> tuple[list[MeshSurface], str | None]:
         crs = f"EPSG:{int(arrays['epsg'])}" if "epsg" in arrays else None
     if triangles.size > 9 * LIMITS.max_triangles:
         raise InputError(f"{path} holds over {LIMITS.max_triangles} triangles; cut out the block that is meant")
-    fits = feature.ndim == 1 and triangles.shape == (*feature.shape, 3, 3) and origin.shape == (3,)
+    fits = (feature.ndim, triangles.shape, origin.shape) == (1, (*feature.shape, 3, 3), (3,))
     if not fits or triangles.dtype.kind not in "fiu" or feature.dtype.kind not in "iu":
         raise InputError(
             f"{path}: triangles {triangles.shape}, feature {feature.shape}, {feature.dtype}; give {wanted}"
         )
-    order = np.argsort(feature, kind="stable")
-    ends = np.flatnonzero(np.diff(feature[order])) + 1
-    parts = np.split(order, ends) if len(order) else []
+    numbers, counts = np.unique(feature, return_counts=True)
+    parts = np.split(np.argsort(feature, kind="stable"), np.cumsum(counts)[:-1])
     return [
-        MeshSurface(str(feature[part[0]]), "unknown", np.asarray(triangles[part], np.float64) + origin)
-        for part in parts
+        MeshSurface(str(number), "unknown", np.asarray(triangles[part], np.float64) + origin)
+        for number, part in zip(numbers, parts, strict=False)
     ], crs

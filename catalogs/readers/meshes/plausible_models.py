@@ -70,13 +70,15 @@ def select_plausible_models(
             sizes.append(size)
     if models and not kept:
         raise InputError(f"{path} holds flat models or terrain only; give one with buildings (of y-up files: up: y)")
-    if kept and not (frame is not None and frame.is_geographic):
-        _check_unit(np.array(sizes), path)
+    if kept:
+        _check_unit(np.array(sizes), path, frame)
     return tuple(kept), remarks
 
 
-def _check_unit(sizes: Float64Array, path: Path) -> None:
+def _check_unit(sizes: Float64Array, path: Path, frame: CRS | None) -> None:
     """Raise InputError where models of sizes (n, 3) are of another unit than metres."""
+    if frame is not None and frame.is_geographic:
+        return
     height, longest = float(np.median(sizes[:, 2])), float(sizes.max())
     if height > MODELS.max_median_height_m or longest < MODELS.min_largest_model_m:
         raise InputError(
