@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import count
+from itertools import compress, count
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,7 +16,7 @@ from shapely import MultiPolygon, Polygon
 from catalogs.buildings.heights import assume_heights
 from catalogs.buildings.models import project_models, split_off_solids
 from catalogs.buildings.part_files import attach_parts
-from catalogs.buildings.parts import PartCandidate, host_outline_indices, split_buildings_into_parts
+from catalogs.buildings.parts import PartCandidate, host_outline_indices, split_buildings_into_parts, whole_levels
 from catalogs.buildings.repeated_outlines import find_repeated_outlines
 from catalogs.buildings.roofs import add_assumed_roofs
 from catalogs.buildings.settings import SITES
@@ -97,13 +97,7 @@ def assemble_buildings(
     textures: list[Path] = []
     stated: dict[str, list[BaseGeometry]] = defaultdict(list)
     for source in _separate_solids(attach_parts(sources, crs)):
-        assert source.crs is not None, "the block gives a frame to every source"
-        places = _project([remark.geometry for remark in source.remarks], source.crs, crs)
-        for remark, place in zip(source.remarks, places, strict=True):
-            if _may_intersect(place, area):
-                reasons[remark.reason].append(remark.id)
-        places = _project([fault.place for fault in source.faults], source.crs, crs)
-        faults += [fault for fault, place in zip(source.faults, places, strict=True) if _may_intersect(place, area)]
+        _add_remarks_and_faults(source, crs, area, reasons, faults)
         if isinstance(source, BuildingModels):
             candidates = _model_candidates(source, crs, area, len(textures), reasons, faults)
             textures += source.textures
@@ -119,6 +113,22 @@ def assemble_buildings(
         buildings = _add_parts(buildings, found, parts, floor_height, reasons)
     notes = format_reason_notes(reasons) + _note_assumed_heights(buildings, known)
     return BlockBuildings(buildings, tuple(textures), notes, tuple(faults))
+
+
+def _add_remarks_and_faults(
+    source: Footprints | BuildingModels,
+    crs: CRS,
+    area: Polygon | None,
+    reasons: dict[str, list[str]],
+    faults: list[Fault],
+) -> None:
+    assert source.crs is not None, "the block gives a frame to every source"
+    places = _project([remark.geometry for remark in source.remarks], source.crs, crs)
+    for remark, place in zip(source.remarks, places, strict=True):
+        if _may_intersect(place, area):
+            reasons[remark.reason].append(remark.id)
+    places = _project([fault.place for fault in source.faults], source.crs, crs)
+    faults += [fault for fault, place in zip(source.faults, places, strict=True) if _may_intersect(place, area)]
 
 
 def _separate_solids(sources: Sequence[Footprints | BuildingModels]) -> Iterator[Footprints | BuildingModels]:
@@ -145,16 +155,14 @@ def _add_parts(
     stated = []
     for part in parts:
         assert part.footprint is not None
-        whole = wholes.get(id(part.whole_outline)) if part.whole_outline is not None else None
-        if part.whole_outline is not None and whole is None:
-            continue  # the whole building was dropped as a duplicate
-        more = whole.footprint if whole is not None else None
-        kind, built = (
-            part.footprint.use or (more.use if more else None),
-            part.footprint.year_built or (more.year_built if more else None),
-        )
-        merged = replace(part.footprint, use=kind, year_built=built)
-        stated.append(PartCandidate(part.building, merged, None if whole is None else whole.building.id))
+        if part.whole_outline is None:
+            stated.append(PartCandidate(part.building, part.footprint, None))
+            continue
+        whole = wholes.get(id(part.whole_outline))
+        if whole is not None and (more := whole.footprint):  # else dropped as a duplicate
+            kind, built = part.footprint.use or more.use, part.footprint.year_built or more.year_built
+            merged = replace(part.footprint, use=kind, year_built=built)
+            stated.append(PartCandidate(part.building, merged, whole.building.id))
     found_parts = split_buildings_into_parts(buildings, stated, floor_height, SITES.min_footprint_m2, reasons)
     return tuple(sorted(found_parts, key=lambda building: natural_sort_key(building.id)))
 
@@ -175,11 +183,10 @@ def _footprint_candidates(
     )
     for (footprint, id, outline), host in zip(pieces, host_indices, strict=True):
         whole = pieces[host][2] if host >= 0 else None
-        inside = area is None or area.contains((outline if whole is None else whole).representative_point())
-        levels = max(1, int(footprint.levels)) if footprint.levels else None
+        levels = whole_levels(footprint.levels)
         building = Building(id, outline, 0.0, "", levels, footprint.name, footprint.base, footprint.roof)
         candidate = _Candidate(replace(building, finish=footprint.finish), footprint, whole)
-        if inside:
+        if _is_inside(whole or outline, area):
             candidates.append(candidate)
         elif _states_floor_height(candidate) and shapely.dwithin(area, outline, SITES.context_distance_m):
             around.append(candidate)
@@ -196,10 +203,6 @@ def _split_outlines(
     for footprint, stated in zip(source.items, outlines, strict=True):
         try:
             parts = _split_outline(footprint, stated, area, reasons)
-        except InputError as error:
-            if _may_intersect(stated, area):
-                faults.append(Fault(footprint.id, "building", str(error)))
-            continue
         except Exception as error:  # an error of GEOS affects this outline only
             if _may_intersect(stated, area):
                 faults.append(Fault(footprint.id, "building", fault_reason(error)))
@@ -217,17 +220,21 @@ def _split_outline(
     """Return the polygons of an outline that are large enough; InputError with its defect."""
     smallest = SITES.min_part_m2 if footprint.is_part else SITES.min_footprint_m2
     outline = _without_stray_holes(stated)
-    if outline is not stated and _may_intersect(outline, area):
-        reasons["holes outside their outlines ignored"].append(footprint.id)
+
+    def note(reason: str) -> None:
+        if _may_intersect(outline, area):
+            reasons[reason].append(footprint.id)
+
+    if outline is not stated:
+        note("holes outside their outlines ignored")
     if defect := _find_defect(outline):
         raise InputError(defect)
     large, small = _split_polygons(outline, smallest)
-    if not large and _may_intersect(outline, area):
+    if not large:
         what = "parts of buildings" if footprint.is_part else "footprints"
-        reason = f"{what} under {smallest:g} m2" if small else f"{what} that enclose no area"
-        reasons[f"{reason} set aside"].append(footprint.id)
-    if large and _may_intersect(outline, area) and shapely.is_valid_reason(outline).startswith("Self-intersection"):
-        reasons["outlines that cross themselves in a sliver repaired"].append(footprint.id)
+        note(f"{what} under {smallest:g} m2 set aside" if small else f"{what} that enclose no area set aside")
+    elif shapely.is_valid_reason(outline).startswith("Self-intersection"):
+        note("outlines that cross themselves in a sliver repaired")
     return large
 
 
@@ -240,11 +247,9 @@ def _drop_repeated_outlines(
         for one, _, _ in pieces
     ]
     heights = [one.height or SITES.assumed_floor_m * (one.levels or 0.0) for one, _, _ in pieces]
-    repeated = find_repeated_outlines([outline for _, _, outline in pieces], kinds, heights).tolist()
-    reasons[REPEATED_REASON] += [
-        id for (_, id, outline), drop in zip(pieces, repeated, strict=True) if drop and _may_intersect(outline, area)
-    ]
-    return [piece for piece, drop in zip(pieces, repeated, strict=True) if not drop]
+    repeated = find_repeated_outlines([outline for _, _, outline in pieces], kinds, heights)
+    reasons[REPEATED_REASON] += [id for _, id, outline in compress(pieces, repeated) if _may_intersect(outline, area)]
+    return list(compress(pieces, ~repeated))
 
 
 def _model_candidates(
@@ -255,27 +260,30 @@ def _model_candidates(
     reasons: dict[str, list[str]],
     faults: list[Fault],
 ) -> list[_Candidate]:
-    candidates = []
+    candidates: list[_Candidate] = []
+    kinds = []
     for model, shell, outline in project_models(source, crs, first_texture):
         if isinstance(outline, str):
             faults.append(Fault(model.id, "building", outline))
-        elif area is not None and not area.contains(outline.representative_point()):
+        elif not _is_inside(outline, area):
             continue
         elif outline.area < SITES.min_footprint_m2:
             reasons[f"models that cover under {SITES.min_footprint_m2:g} m2 set aside"].append(model.id)
         else:
             low, high = float(shell.vertices[:, 2].min()), float(shell.vertices[:, 2].max())
             base = model.base if model.base is not None and low - 2.0 <= model.base < high else low
-            levels = max(1, int(model.levels)) if model.levels else None
-            height = round(high - base, 2)
+            levels, height = whole_levels(model.levels), round(high - base, 2)
             building = Building(model.id, outline, height, "model", levels, model.name, base, shell=shell)
-            building = replace(building, finish=model.finish)
-            candidates.append(_Candidate(building, None))
-    buildings = [one.building for one in candidates]
-    kinds = [(round(one.base or 0.0), round(one.height)) for one in buildings]
-    repeated = find_repeated_outlines([one.footprint for one in buildings], kinds, [0.0] * len(buildings)).tolist()
-    reasons[REPEATED_REASON] += [one.id for one, drop in zip(buildings, repeated, strict=True) if drop]
-    return [one for one, drop in zip(candidates, repeated, strict=True) if not drop]
+            candidates.append(_Candidate(replace(building, finish=model.finish), None))
+            kinds.append((round(base), round(height)))
+    outlines = [one.building.footprint for one in candidates]
+    repeated = find_repeated_outlines(outlines, kinds, [0.0] * len(outlines))
+    reasons[REPEATED_REASON] += [one.building.id for one in compress(candidates, repeated)]
+    return list(compress(candidates, ~repeated))
+
+
+def _is_inside(outline: Polygon, area: Polygon | None) -> bool:
+    return area is None or bool(area.contains(outline.representative_point()))
 
 
 def _drop_duplicates(
@@ -295,8 +303,7 @@ def _drop_duplicates(
     for candidate in candidates:
         id, outline = candidate.building.id, candidate.building.footprint
         others = [earlier[i].building.footprint for i in tree.query(outline, predicate="intersects")]
-        shared = max((outline.intersection(other).area for other in others), default=0.0)
-        if shared > SITES.duplicate_share * outline.area or any(_overlap(outline, other) for other in stated[id]):
+        if _is_duplicate(outline, others, stated[id]):
             reasons["buildings stated twice, the first kept"].append(id)
             continue
         stated[id].append(outline)
@@ -310,8 +317,13 @@ def _drop_duplicates(
     return kept
 
 
-def _overlap(outline: BaseGeometry, other: BaseGeometry) -> bool:
-    return bool(outline.intersection(other).area > SITES.max_neighbour_overlap * min(outline.area, other.area))
+def _is_duplicate(outline: BaseGeometry, earlier: Iterable[BaseGeometry], same_id: Iterable[BaseGeometry]) -> bool:
+    """Return True for an outline that an earlier one covers, or one of the same id overlaps."""
+    shared = max((outline.intersection(other).area for other in earlier), default=0.0)
+    return bool(shared > SITES.duplicate_share * outline.area) or any(
+        outline.intersection(other).area > SITES.max_neighbour_overlap * min(outline.area, other.area)
+        for other in same_id
+    )
 
 
 def _assume_heights(

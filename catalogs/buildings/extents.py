@@ -172,31 +172,44 @@ def reject_stray_buildings(
     group[sound] = _neighbour_groups(every.centre[sound])
     kept = sound & np.isin(group, _main_groups(every, group, centrelines))
 
-    reasons: dict[int, str] = {}
-    for index in np.flatnonzero(~every.location_mask).tolist():
-        crs = sources[owner[index]].crs
-        reasons[index] = (
-            f"it lies nowhere on Earth in {_short_crs_name(crs)}; mend its coordinates, or check buildings.crs"
-        )
-    for index in np.flatnonzero(meant & ~sound).tolist():
-        west, south, east, north = every.lonlat_bounds(np.array([index]))
-        reasons[index] = (
-            f"it reaches from {west:.4f}, {south:.4f} to {east:.4f}, {north:.4f}, {every.size[index] / 1000:,.0f} km; a "
-            f"building is up to {SITES.max_building_size_m / 1000:g} km long: mend its corners, or remove it"
-        )
-    for index in np.flatnonzero(sound & ~kept).tolist():
-        longitude, latitude = every.mean_lonlat(np.array([index]))
-        far = np.linalg.norm(every.centre[kept] - every.centre[index], axis=1).min() / 1000
-        reasons[index] = (
-            f"it lies at {longitude:.4f}, {latitude:.4f}, {far:,.0f} km from the other {kept.sum()}; mend its coordinates, or "
-            "remove it"
-        )
+    reasons = _rejection_reasons(sources, owner, every, meant & ~sound, sound & ~kept, kept)
     starts = np.searchsorted(owner, np.arange(len(sources)))
     left = [
         _without_items(source, {index - start: why for index, why in reasons.items() if owner[index] == number})
         for number, (source, start) in enumerate(zip(sources, starts, strict=True))
     ]
     return left, every.lonlat_bounds(kept) if kept.any() else spanned
+
+
+def _rejection_reasons(
+    sources: Sequence[BuildingSource],
+    owner: Int64Array,
+    every: BoxLocations,
+    is_large: BoolArray,
+    is_far: BoolArray,
+    kept: BoolArray,
+) -> dict[int, str]:
+    """Return the reason of each rejected building by its number."""
+    reasons: dict[int, str] = {}
+    for index in np.flatnonzero(~every.location_mask).tolist():
+        crs = sources[owner[index]].crs
+        reasons[index] = (
+            f"it lies nowhere on Earth in {_short_crs_name(crs)}; mend its coordinates, or check buildings.crs"
+        )
+    for index in np.flatnonzero(is_large).tolist():
+        west, south, east, north = every.lonlat_bounds(np.array([index]))
+        reasons[index] = (
+            f"it reaches from {west:.4f}, {south:.4f} to {east:.4f}, {north:.4f}, {every.size[index] / 1000:,.0f} km; a "
+            f"building is up to {SITES.max_building_size_m / 1000:g} km long: mend its corners, or remove it"
+        )
+    for index in np.flatnonzero(is_far).tolist():
+        longitude, latitude = every.mean_lonlat(np.array([index]))
+        far = np.linalg.norm(every.centre[kept] - every.centre[index], axis=1).min() / 1000
+        reasons[index] = (
+            f"it lies at {longitude:.4f}, {latitude:.4f}, {far:,.0f} km from the other {kept.sum()}; mend its coordinates, or "
+            "remove it"
+        )
+    return reasons
 
 
 @overload
@@ -250,17 +263,26 @@ def _main_groups(places: BoxLocations, group: Int64Array, centrelines: Centrelin
     main = np.flatnonzero(counts > SITES.max_stray_share * counts.max(initial=0))
     if _diagonal(places.centre[np.isin(group, main)]) <= SITES.max_block_span_m:
         return main
-    if len(main) > 1 and centrelines is not None and centrelines.crs and centrelines.items:
-        streets = locate_boxes(centrelines.crs, centrelines.bounding_boxes())
-        near = [g for g in main if _is_near_any(places.centre[group == g], streets.centre[streets.location_mask])]
-        if near and _diagonal(places.centre[np.isin(group, near)]) <= SITES.max_block_span_m:
-            return np.array(near)
+    if len(main) > 1:
+        near = _groups_near_streets(places, group, main, centrelines)
+        if len(near) and _diagonal(places.centre[np.isin(group, near)]) <= SITES.max_block_span_m:
+            return near
     span = _diagonal(places.centre[np.isin(group, main)]) / 1000
     where = [f"{counts[g]} at {x:.4f}, {y:.4f}" for g in main[:3] for x, y in [places.mean_lonlat(group == g)]]
     raise InputError(
         f"the buildings span {span:,.0f} km ({'; '.join(where)}), and a block up to {SITES.max_block_span_m / 1000:g} km; "
         "give area, or mend the coordinates of those elsewhere"
     )
+
+
+def _groups_near_streets(
+    places: BoxLocations, group: Int64Array, main: Int64Array, centrelines: CentrelinesAndGround | None
+) -> Int64Array:
+    if centrelines is None or not centrelines.crs or not centrelines.items:
+        return main[:0]
+    streets = locate_boxes(centrelines.crs, centrelines.bounding_boxes())
+    centres = streets.centre[streets.location_mask]
+    return main[[_is_near_any(places.centre[group == one], centres) for one in main]]
 
 
 def _is_near_any(points: Float64Array, others: Float64Array) -> bool:
