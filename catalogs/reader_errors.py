@@ -91,14 +91,14 @@ def to_single_line(text: str) -> str:
 
 
 @contextmanager
-def wrap_reader_errors(path: Path, problem: str, remedy: str) -> Iterator[None]:
+def wrap_reader_errors(path: Path | str, problem: str, remedy: str) -> Iterator[None]:
     """Raise errors of parsers as InputError.
 
     Errors of the project and of the machine pass unchanged.
 
     Parameters
     ----------
-    path : file that the wrapped block reads.
+    path : file that the wrapped block reads, or its name.
     problem : what the message says of the file, such as "is not a valid .obj file".
     remedy : advice to the user at the end of the message.
 
@@ -140,8 +140,8 @@ def fault_reason(error: Exception, remedy: str = "mend or remove it") -> str:
     return f"it cannot be read ({short_message(error)}); {remedy}"
 
 
-def _file_size(path: Path) -> int:
+def _file_size(path: Path | str) -> int:
     try:
-        return path.stat().st_size
+        return Path(path).stat().st_size
     except OSError:
         return 0

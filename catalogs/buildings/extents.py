@@ -172,44 +172,31 @@ def reject_stray_buildings(
     group[sound] = _neighbour_groups(every.centre[sound])
     kept = sound & np.isin(group, _main_groups(every, group, centrelines))
 
-    reasons = _rejection_reasons(sources, owner, every, meant & ~sound, sound & ~kept, kept)
-    starts = np.searchsorted(owner, np.arange(len(sources)))
-    left = [
-        _without_items(source, {index - start: why for index, why in reasons.items() if owner[index] == number})
-        for number, (source, start) in enumerate(zip(sources, starts, strict=True))
-    ]
-    return left, every.lonlat_bounds(kept) if kept.any() else spanned
-
-
-def _rejection_reasons(
-    sources: Sequence[BuildingSource],
-    owner: Int64Array,
-    every: BoxLocations,
-    is_large: BoolArray,
-    is_far: BoolArray,
-    kept: BoolArray,
-) -> dict[int, str]:
-    """Return the reason of each rejected building by its number."""
     reasons: dict[int, str] = {}
     for index in np.flatnonzero(~every.location_mask).tolist():
         crs = sources[owner[index]].crs
         reasons[index] = (
             f"it lies nowhere on Earth in {_short_crs_name(crs)}; mend its coordinates, or check buildings.crs"
         )
-    for index in np.flatnonzero(is_large).tolist():
+    for index in np.flatnonzero(meant & ~sound).tolist():
         west, south, east, north = every.lonlat_bounds(np.array([index]))
         reasons[index] = (
             f"it reaches from {west:.4f}, {south:.4f} to {east:.4f}, {north:.4f}, {every.size[index] / 1000:,.0f} km; a "
             f"building is up to {SITES.max_building_size_m / 1000:g} km long: mend its corners, or remove it"
         )
-    for index in np.flatnonzero(is_far).tolist():
+    for index in np.flatnonzero(sound & ~kept).tolist():
         longitude, latitude = every.mean_lonlat(np.array([index]))
         far = np.linalg.norm(every.centre[kept] - every.centre[index], axis=1).min() / 1000
         reasons[index] = (
             f"it lies at {longitude:.4f}, {latitude:.4f}, {far:,.0f} km from the other {kept.sum()}; mend its coordinates, or "
             "remove it"
         )
-    return reasons
+    starts = np.searchsorted(owner, np.arange(len(sources)))
+    left = [
+        _without_items(source, {index - start: why for index, why in reasons.items() if owner[index] == number})
+        for number, (source, start) in enumerate(zip(sources, starts, strict=True))
+    ]
+    return left, every.lonlat_bounds(kept) if kept.any() else spanned
 
 
 @overload

@@ -145,7 +145,6 @@ class _RoofSite:
     def roof_by_use(self, use: str, year: int) -> Roof | None:
         """Return the roof of a use or a size that leave no choice; None for houses of a street."""
         church = (ROOFS.church_pitch_deg, ROOFS.church_pitch_deg)
-        is_hall = self.height < 2 * ROOFS.min_wall_m and self.area > ROOFS.min_hall_area_m2
         if self.stated_rise == 0 or use in FLAT_ROOF_USES:
             return Roof("flat", 0.0, confidence=0.8)
         if use in CHURCH_USES:
@@ -156,11 +155,15 @@ class _RoofSite:
             return skillion if self.chance[0] < 0.5 else Roof("flat", 0.0, confidence=0.4)
         if year >= ROOFS.flat_roof_since_year or self._is_large:
             return Roof("flat", 0.0, confidence=0.6)
-        return Roof("flat", 0.0, confidence=0.5) if is_hall else None
+        return Roof("flat", 0.0, confidence=0.5) if self._is_hall else None
 
     @property
     def _is_shed(self) -> bool:
         return self.area < ROOFS.max_shed_area_m2 or self.half_depth < ROOFS.max_shed_half_depth_m
+
+    @property
+    def _is_hall(self) -> bool:
+        return self.height < 2 * ROOFS.min_wall_m and self.area > ROOFS.min_hall_area_m2
 
     @property
     def _is_large(self) -> bool:

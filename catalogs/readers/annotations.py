@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from catalogs.features import safe_file_stem
-from catalogs.reader_errors import short_message, wrap_reader_errors
+from catalogs.reader_errors import wrap_reader_errors
 from catalogs.readers import gdal_files
 from catalogs.readers.json_text import load_json, parse_json_object
 from facade_core.core.errors import InputError
@@ -129,12 +129,8 @@ def parse_correction_annotations(corrections: Sequence[object], source_name: str
     InputError
         One line that begins with `source_name`.
     """
-    try:
+    with wrap_reader_errors(source_name, "cannot be understood", "catalogs/README.md shows what can be"):
         return [annotation for one in corrections for annotation in _parse_correction(one)]
-    except (TypeError, ValueError, AttributeError) as error:
-        raise InputError(
-            f"{source_name} cannot be understood ({short_message(error)}); catalogs/README.md shows what can be"
-        ) from error
 
 
 def _parse_coco(document: JsonObject, facades: dict[str, str]) -> list[Annotation]:
@@ -227,8 +223,8 @@ def _parse_cityjson(document: JsonObject) -> Iterator[Annotation]:
         attributes = city_object.get("attributes", {})
         yield from _building_annotations(id, attributes, CITYJSON_ATTRIBUTES)
         if attributes.get("measuredHeight") not in (None, ""):
-            heights = (attributes.get(name) for name in ("measuredHeight", EXPORTED_HEIGHT_ATTRIBUTE, "eavesHeight"))
-            yield id, MEASURED_HEIGHT, CityJsonHeights(*heights)
+            names = ("measuredHeight", EXPORTED_HEIGHT_ATTRIBUTE, "eavesHeight")
+            yield id, MEASURED_HEIGHT, CityJsonHeights(*map(attributes.get, names))
         is_facade: JsonObject = {}
         for geometry in city_object.get("geometry", ()):
             for surface in geometry.get("semantics", {}).get("surfaces", ()):

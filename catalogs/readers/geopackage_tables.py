@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sqlite3
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 from catalogs.reader_errors import short_message
@@ -32,18 +33,14 @@ def check_geopackage_tables(path: Path) -> tuple[str, ...]:
         Where the file is no GeoPackage, or a layer is a program.
     """
     remedy = "write its layers as tables, e.g. with ogr2ogr"
-    try:
-        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?{sqlite_open_mode(path)}", uri=True)) as file:
-            file.execute("PRAGMA trusted_schema = OFF")
-            found = file.execute("SELECT name, type, coalesce(sql, '') FROM sqlite_master").fetchall()
-            stored = {str(name).lower(): str(kind) for name, kind, _ in found}
-            if stored.get("gpkg_contents") != "table":
-                raise InputError(f"{path} has no table gpkg_contents, as a GeoPackage has; {remedy}")
-            names = [str(name) for (name,) in file.execute(_LAYERS_QUERY)]
-            layers = {str(name).lower() for (name,) in file.execute("SELECT table_name FROM gpkg_contents")}
-            generated = file.execute(_GENERATED_QUERY).fetchone()
-    except sqlite3.Error as error:
-        raise InputError(f"{path} cannot be read as a GeoPackage ({short_message(error)}); export it again") from error
+    with open_geopackage(path) as file:
+        found = file.execute("SELECT name, type, coalesce(sql, '') FROM sqlite_master").fetchall()
+        stored = {str(name).lower(): str(kind) for name, kind, _ in found}
+        if stored.get("gpkg_contents") != "table":
+            raise InputError(f"{path} has no table gpkg_contents, as a GeoPackage has; {remedy}")
+        names = [str(name) for (name,) in file.execute(_LAYERS_QUERY)]
+        layers = {str(name).lower() for (name,) in file.execute("SELECT table_name FROM gpkg_contents")}
+        generated = file.execute(_GENERATED_QUERY).fetchone()
     for name, kind, sql in found:
         is_layer = str(name).lower() in layers or str(name).lower().startswith("gpkg_")
         if (kind == "view" and is_layer) or _is_made_up(str(sql)):
@@ -53,7 +50,18 @@ def check_geopackage_tables(path: Path) -> tuple[str, ...]:
     return tuple(names)
 
 
-def sqlite_open_mode(path: Path) -> str:
+@contextmanager
+def open_geopackage(path: Path) -> Iterator[sqlite3.Connection]:
+    """Open a GeoPackage for reading; errors of SQLite become InputErrors."""
+    try:
+        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?{_open_mode(path)}", uri=True)) as file:
+            file.execute("PRAGMA trusted_schema = OFF")
+            yield file
+    except sqlite3.Error as error:
+        raise InputError(f"{path} cannot be read as a GeoPackage ({short_message(error)}); export it again") from error
+
+
+def _open_mode(path: Path) -> str:
     """Return how a file is opened: as it is, or with the changes that another program has not written into it yet."""
     pending = [path.with_name(path.name + suffix) for suffix in ("-wal", "-journal")]
     return "mode=ro" if any(file.is_file() and file.stat().st_size for file in pending) else "mode=ro&immutable=1"

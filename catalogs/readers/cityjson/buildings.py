@@ -195,12 +195,9 @@ def _read_document(document: JsonObject, reading: _ReaderState) -> None:
                 for face in _merge_geometries([place_faces(g) for g in _sort_richest_first(geometries)])
             ]
             model = _build_model(id, faces, [objects[i] for i in ids], axes or CoordinateAxes(), reading.remarks)
-        except GeometryError as reason:
-            place = _bounding_box([objects[i] for i in ids], points)
-            reading.faults.append(Fault(id, "building", f"{reading.path.name}: {reason}", place))
-            continue
         except Exception as error:  # the other buildings are read
-            reading.faults.append(Fault(id, "building", f"{reading.path.name}: {fault_reason(error)}"))
+            place = _bounding_box([objects[i] for i in ids], points) if isinstance(error, GeometryError) else None
+            reading.faults.append(Fault(id, "building", f"{reading.path.name}: {fault_reason(error)}", place))
             continue
         reading.models.append(model)
         if other is not None and reading.requested_lod is not None:

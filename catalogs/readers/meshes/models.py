@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from catalogs.crs import parse_crs
-from catalogs.features import BuildingModel, BuildingModels, Fault, Remark
+from catalogs.features import BuildingModels, Fault, Remark, select_textures
 from catalogs.reader_errors import wrap_reader_errors
 from catalogs.readers.meshes.gltf import read_gltf_surfaces
 from catalogs.readers.meshes.header_comments import read_header_comments
@@ -74,8 +74,8 @@ def read_mesh_buildings(path: Path, lod: str | None = None, keys: SourceKeys = N
     check_earth_centred(surfaces, path)
     models, broken = group_into_models(merge_surface_names(surfaces), path.stem, remarks)
     models, others = select_plausible_models(models, path, frame)
-    models, textures = _drop_unused_textures(models, textures)
-    return BuildingModels(crs, models, textures, (*remarks, *others), (*faults, *broken))
+    kept, textures = select_textures(models, textures)
+    return BuildingModels(crs, tuple(kept), textures, (*remarks, *others), (*faults, *broken))
 
 
 def _place_by_comments(
@@ -89,18 +89,6 @@ def _place_by_comments(
         remarks.append(Remark(path.name, f"mesh files whose comments state units of {unit} m, converted", None))
     surfaces, turned = turn_up(surfaces, keys.up, path.name, stated_up)
     return surfaces, remarks + turned
-
-
-def _drop_unused_textures(
-    models: tuple[BuildingModel, ...], textures: tuple[Path, ...]
-) -> tuple[tuple[BuildingModel, ...], tuple[Path, ...]]:
-    used = sorted({int(index) for model in models for index in np.unique(model.shell.texture)} - {-1})
-    if len(used) == len(textures):
-        return models, textures
-    number = np.full(len(textures) + 1, -1, np.int32)  # index -1 maps to -1
-    number[used] = np.arange(len(used))
-    models = tuple(replace(m, shell=replace(m.shell, texture=number[m.shell.texture])) for m in models)
-    return models, tuple(textures[index] for index in used)
 
 
 def _read_npz(path: Path) -> tuple[list[MeshSurface], str | None]:

@@ -107,11 +107,9 @@ def _list_pictures(folder: Path, kind: str) -> tuple[list[Path], list[Fault]]:
 
 
 def _remedy_without_pictures(folder: Path, faults: list[Fault]) -> str:
-    if any(is_picture_name(path.name) for path in folder.parent.iterdir()):
-        return f"did you mean {folder.parent}?"
-    inner = next((folder / fault.id for fault in faults if (folder / fault.id).is_dir()), None)
-    if inner is not None:
-        return f"did you mean {inner}?"
+    near = [folder.parent] if any(is_picture_name(path.name) for path in folder.parent.iterdir()) else []
+    if near := [*near, *(folder / fault.id for fault in faults if (folder / fault.id).is_dir())]:
+        return f"did you mean {near[0]}?"
     return faults[0].reason if faults else f"put {', '.join(IMAGE_SUFFIXES[:4])} files there"
 
 

@@ -122,8 +122,7 @@ def _value_ranges(
     for window in windows:
         values = _read_values(raster, bands, window)
         finite = values[:, np.isfinite(values).all(axis=0)]
-        if finite.size:
-            low, high = min(low, float(finite.min())), max(high, float(finite.max()))
+        low, high = float(finite.min(initial=low)), float(finite.max(initial=high))
         if transparent:
             opaque = max(opaque, float(raster.read(transparent, window=window).max()))
     return low, high, opaque

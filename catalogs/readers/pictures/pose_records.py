@@ -9,7 +9,6 @@ from itertools import chain, dropwhile
 from pathlib import Path
 from typing import TypeAlias
 
-from catalogs.printable_text import short_repr
 from catalogs.readers.pictures.camera_angles import (
     camera_angles,
     camera_angles_from_rotation,
@@ -17,7 +16,7 @@ from catalogs.readers.pictures.camera_angles import (
     rotation_matrix,
 )
 from catalogs.readers.pictures.pose_fields import FIELD_NAMES, field_name, find_field, squeeze
-from catalogs.readers.pictures.source_poses import finite_number, is_on_earth, topocentric_transformer
+from catalogs.readers.pictures.source_poses import topocentric_transformer
 from catalogs.readers.settings import PICTURES
 from facade_core.core.json_types import JsonObject
 
@@ -143,14 +142,7 @@ def _flatten_record(record: JsonObject, crs: str | None = None) -> JsonObject:
 
 def _reconstruction_shots(reconstruction: JsonObject) -> Iterable[tuple[str, PoseRecord]]:
     """Yield the equirectangular shots of an OpenSfM reconstruction (east, north, up around reference_lla)."""
-    reference = reconstruction["reference_lla"]
-    found = [finite_number(reference.get(key), key) for key in ("longitude", "latitude")]
-    if None in found:
-        raise ValueError("its reference_lla states no longitude or no latitude")
-    place = [value or 0.0 for value in (*found, finite_number(reference.get("altitude"), "altitude"))]
-    if not is_on_earth(*place):
-        raise ValueError(f"its reference_lla {short_repr(place)} is no place on earth")
-    to_lonlat = topocentric_transformer(*place)
+    to_lonlat = topocentric_transformer(reconstruction["reference_lla"])
     for name, shot in reconstruction["shots"].items():
         try:
             camera = reconstruction["cameras"][shot["camera"]]

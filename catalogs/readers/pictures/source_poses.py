@@ -8,6 +8,7 @@ from datetime import date
 from typing import TYPE_CHECKING, SupportsFloat, TypeAlias
 
 from catalogs.printable_text import short_repr
+from facade_core.core.json_types import JsonObject
 
 if TYPE_CHECKING:
     from pyproj import Transformer
@@ -60,10 +61,22 @@ def is_on_earth(lon: float, lat: float, height: float = 0.0) -> bool:
     return abs(lon) <= 360.0 and abs(lat) <= 90.0 and abs(height) <= MAX_MAGNITUDES["z"]
 
 
-def topocentric_transformer(lon: float, lat: float, height: float) -> Transformer:
-    """Return the transformer from east, north and up around a place to longitude, latitude and height."""
+def topocentric_transformer(reference: JsonObject) -> Transformer:
+    """Return the transformer from east, north and up around an OpenSfM reference_lla to longitude, latitude and height.
+
+    Raises
+    ------
+    ValueError
+        Where the reference is no place on Earth.
+    """
     from pyproj import Transformer
 
+    lon, lat, altitude = (finite_number(reference.get(key), key) for key in ("longitude", "latitude", "altitude"))
+    if lon is None or lat is None:
+        raise ValueError("its reference_lla states no longitude or no latitude")
+    height = altitude or 0.0
+    if not is_on_earth(lon, lat, height):
+        raise ValueError(f"its reference_lla {short_repr([lon, lat, height])} is no place on earth")
     return Transformer.from_pipeline(
         f"+proj=pipeline +step +inv +proj=topocentric +ellps=WGS84 +lon_0={lon} +lat_0={lat} +h_0={height}"
         " +step +inv +proj=cart +ellps=WGS84 +step +proj=unitconvert +xy_in=rad +xy_out=deg"

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from catalogs.reader_errors import short_message
+from catalogs.reader_errors import wrap_reader_errors
 from catalogs.readers.settings import PICTURES
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import read_regular
@@ -64,18 +64,13 @@ def check_virtual_raster(path: Path, check_source: Callable[[Path], object]) -> 
 
 def _parse_virtual_raster(path: Path) -> Element:
     from defusedxml import ElementTree
-    from defusedxml.common import DefusedXmlException
 
     if path.stat().st_size > PICTURES.max_vrt_bytes:
         raise InputError(
             f"{path} is XML of more than {PICTURES.max_vrt_bytes // 1_000_000} MB, no raster; give e.g. a GeoTIFF"
         )
-    try:
+    with wrap_reader_errors(path, "is no raster, nor XML of one", "give e.g. a GeoTIFF"):
         root: Element = ElementTree.fromstring(read_regular(path, PICTURES.max_vrt_bytes), forbid_dtd=True)
-    except (ElementTree.ParseError, DefusedXmlException, ValueError, LookupError) as error:
-        raise InputError(
-            f"{path} is no raster, nor XML of one ({short_message(error)}); give e.g. a GeoTIFF"
-        ) from error
     if root.tag != "VRTDataset":
         raise InputError(f"{path} is XML ({str(root.tag)[:60]}), no raster; give e.g. a GeoTIFF")
     return root

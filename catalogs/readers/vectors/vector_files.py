@@ -81,15 +81,13 @@ def read_vector_footprints(path: Path, lod: str | None = None, keys: SourceKeys 
     faults = []
     items = []
     degrees = features.crs == LONLAT
-    bases = _base_heights(features.geometries)
-    tagged = _are_buildings(features.tags)
-    for id, geometry, tags, base, is_building in zip(
-        features.ids, features.geometries, features.tags, bases, tagged, strict=True
-    ):
+    bases = _base_heights(features)
+    from_osm = any(tags.get("building") == "yes" for tags in features.tags)
+    for id, geometry, tags, base in zip(features.ids, features.geometries, features.tags, bases, strict=True):
         if not _is_drawn(geometry):
             faults.append(Fault(id, "building", f"footprint {id} has no geometry, or a broken one; draw or remove it"))
             continue
-        if not is_building:
+        if not _is_building(tags, from_osm):
             remarks.append(Remark(id, "outlines that are not tagged as buildings set aside", geometry))
             continue
         if not (np.abs(shapely.get_coordinates(geometry)) < LIMITS.max_coordinate).all():
@@ -110,8 +108,7 @@ def read_vector_footprints(path: Path, lod: str | None = None, keys: SourceKeys 
         if footprint is not None:
             if id in features.id_remarks:
                 remarks.append(Remark(id, f"buildings of {path.name} {features.id_remarks[id]}", geometry))
-            ground = tags.get("ground")
-            items.append(replace(footprint, base=float(ground) if ground else base, shell=shell))
+            items.append(replace(footprint, base=base, shell=shell))
     return Footprints(features.crs, tuple(items), tuple(remarks), tuple(faults))
 
 
@@ -119,13 +116,9 @@ def _is_drawn(geometry: BaseGeometry | None) -> TypeGuard[BaseGeometry]:
     return geometry is not None and not geometry.is_empty
 
 
-def _are_buildings(layer: Sequence[Mapping[str, str]]) -> list[bool]:
-    """Return False for outlines that are tagged as none, and for untagged ones beside OpenStreetMap's `building=yes`."""
-    from_osm = any(tags.get("building") == "yes" for tags in layer)
-    return [
-        tags.get("building") != "no" and (not from_osm or "building" in tags or is_building_part(tags))
-        for tags in layer
-    ]
+def _is_building(tags: Mapping[str, str], from_osm: bool) -> bool:
+    """Return False for an outline that is tagged as none, or has no tag in a layer of OpenStreetMap's buildings."""
+    return tags.get("building") != "no" and (not from_osm or "building" in tags or is_building_part(tags))
 
 
 def read_vector_centrelines(path: Path, keys: SourceKeys = NO_SOURCE_KEYS) -> CentrelinesAndGround:
@@ -263,13 +256,13 @@ def _layer_remarks(features: LayerFeatures) -> list[Remark]:
     ]
 
 
-def _base_heights(geometries: Sequence[BaseGeometry | None]) -> list[float | None]:
-    """Return the lowest z of each geometry; None for all where one has no z or all z are zero."""
-    drawn = list(filter(_is_drawn, geometries))
-    if not drawn or not shapely.has_z(drawn).all():
-        return [None] * len(geometries)
-    lowest = [_lowest_z(geometry) for geometry in geometries]
-    return lowest if any(lowest) else [None] * len(geometries)
+def _base_heights(features: LayerFeatures) -> list[float | None]:
+    """Return the stated ground of each outline, else its lowest z; not z where one has none or all are zero."""
+    drawn = list(filter(_is_drawn, features.geometries))
+    lowest = [_lowest_z(geometry) for geometry in features.geometries]
+    has_z = bool(drawn) and bool(shapely.has_z(drawn).all()) and any(lowest)
+    stated = [tags.get("ground") for tags in features.tags]
+    return [float(ground) if ground else z if has_z else None for ground, z in zip(stated, lowest, strict=True)]
 
 
 def _lowest_z(geometry: BaseGeometry | None) -> float | None:

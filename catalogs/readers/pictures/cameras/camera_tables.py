@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable
 
 from catalogs.crs import LONLAT
-from catalogs.reader_errors import short_message
+from catalogs.reader_errors import wrap_reader_errors
 from catalogs.readers.pictures.cameras.camera_file import (
     CameraFile,
     LensOfSize,
@@ -53,10 +53,8 @@ def read_camera_table(name: str, text: str, crs: str | None) -> CameraFile:
     InputError
         Where it holds no camera.
     """
-    try:
+    with wrap_reader_errors(name, "is no table of cameras", _HINT):
         records = list(csv_records(text))
-    except (ValueError, IndexError) as error:
-        raise InputError(f"{name} is no table of cameras ({short_message(error)}); {_HINT}") from error
     if not records:
         raise InputError(f"{name} holds no rows; {_HINT}")
     if len(records) > CAMERAS.max_rows:

@@ -258,23 +258,12 @@ def _place(
         return _by_placement(placement), placement.note
     if not file.is_local or crs is not None:
         return _by_frame(file.to_lonlat, file.crs or crs, frame), ""
-    return _place_local(file, cameras, headers, frame, bounds)
-
-
-def _place_local(
-    file: CameraFile,
-    cameras: Sequence[SourceCamera],
-    headers: Sequence[_Header],
-    frame: CRS,
-    bounds: tuple[float, float, float, float] | None,
-) -> tuple[ToBlock, str]:
-    """Place a local frame by the GPS of the pictures, else take it for the block's where all cameras are near."""
-    centres = np.array([camera.centre for camera in cameras])
     if any(header.gps is not None for header in headers):
-        rotations = np.array([camera.rotation for camera in cameras])
-        placement = place_by_gps(file.name, centres, rotations, _gps_places(headers, frame))
+        placement = _place_by_gps(file.name, cameras, headers, frame)
         return _by_placement(placement), placement.note
-    if bounds and not any(is_distant(Pose(x, y, None, 0.0), bounds) for x, y in centres[:, :2].tolist()):
+    if bounds and not any(
+        is_distant(Pose(float(camera.centre[0]), float(camera.centre[1]), None, 0.0), bounds) for camera in cameras
+    ):
         return _by_frame(None, None, frame), "cameras without GPS taken to be in the frame of the block, where they are"
     raise InputError(
         f"{file.name} has a frame of its own, and no picture has GPS; give three control points (imagery.cameras.control), or "
@@ -282,15 +271,15 @@ def _place_local(
     )
 
 
-def _gps_places(headers: Sequence[_Header], frame: CRS) -> Float64Array:
-    """Return the places (n, 3) that pictures state by GPS in the frame of the block; NaN where unknown."""
+def _place_by_gps(name: str, cameras: Sequence[SourceCamera], headers: Sequence[_Header], frame: CRS) -> Placement:
     places = np.full((len(headers), 3), np.nan)
     transformer = Transformer.from_crs(LONLAT, frame, always_xy=True)
     for place, header in zip(places, headers, strict=True):
         if header.gps is not None:
             place[:] = (*transformer.transform(*header.gps[:2]), header.gps[2])
     places[~np.isfinite(places[:, :2]).all(axis=1)] = np.nan
-    return places
+    centres = np.array([camera.centre for camera in cameras])
+    return place_by_gps(name, centres, np.array([camera.rotation for camera in cameras]), places)
 
 
 def _by_placement(placement: Placement) -> ToBlock:

@@ -10,7 +10,7 @@ import numpy as np
 
 from catalogs.crs import LONLAT, parse_crs
 from catalogs.features import Remark
-from catalogs.reader_errors import short_message, to_single_line
+from catalogs.reader_errors import short_message, to_single_line, wrap_reader_errors
 from catalogs.readers.pictures.cameras.camera_file import (
     CameraFile,
     SourceCamera,
@@ -42,14 +42,10 @@ def read_metashape(name: str, text: bytes) -> CameraFile:
     InputError
         Where the file is none, has no camera, or chunks in frames of their own.
     """
-    from defusedxml import DefusedXmlException, ElementTree
+    from defusedxml import ElementTree
 
-    try:
+    with wrap_reader_errors(name, "is no XML that can be read", "export the cameras again"):
         root = ElementTree.fromstring(text)
-    except (ElementTree.ParseError, DefusedXmlException, ValueError, LookupError) as error:
-        raise InputError(
-            f"{name} is no XML that can be read ({short_message(error)}); export the cameras again"
-        ) from error
     chunks = root.findall(".//chunk[cameras]")
     if root.tag != "document" or not chunks:
         raise InputError(f"{name} is no export of Metashape; export the cameras as Agisoft XML (*.xml)")

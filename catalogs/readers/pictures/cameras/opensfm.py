@@ -10,7 +10,6 @@ from typing import cast
 import numpy as np
 
 from catalogs.features import Remark
-from catalogs.printable_text import short_repr
 from catalogs.reader_errors import short_message, to_single_line
 from catalogs.readers.pictures.cameras.camera_file import (
     CameraFile,
@@ -20,7 +19,7 @@ from catalogs.readers.pictures.cameras.camera_file import (
     check_lens,
     check_position,
 )
-from catalogs.readers.pictures.source_poses import is_on_earth, topocentric_transformer
+from catalogs.readers.pictures.source_poses import topocentric_transformer
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
@@ -88,13 +87,9 @@ def rotation_from_vector(vector: Iterable[float]) -> Float64Array:
 def topocentric_to_lonlat(name: str, reference: JsonObject) -> ToLonLat:
     """Return the conversion of east, north and up around a reference_lla."""
     try:
-        lon, lat = float(reference["longitude"]), float(reference["latitude"])
-        height = float(reference.get("altitude") or 0.0)
-        if not is_on_earth(lon, lat, height):
-            raise ValueError(f"its reference_lla {short_repr([lon, lat, height])} is no place on earth")
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        transformer = topocentric_transformer(reference)
+    except (ValueError, AttributeError) as error:
         raise InputError(f"{name}: its reference_lla is none ({short_message(error)}); mend it") from error
-    transformer = topocentric_transformer(lon, lat, height)
     return lambda points: np.stack(transformer.transform(points[:, 0], points[:, 1], points[:, 2]), axis=1)
 
 
