@@ -109,11 +109,9 @@ def wrap_reader_errors(path: Path | str, problem: str, remedy: str) -> Iterator[
     """
     try:
         yield
-    except FacadeError:
-        raise
     except Exception as error:  # parsers raise errors of any class
         is_claim = isinstance(error, MemoryError) and _file_size(path) < _SMALL_FILE_BYTES
-        if is_system_error(error) and not is_claim:
+        if isinstance(error, FacadeError) or (is_system_error(error) and not is_claim):
             raise
         log.debug("%s: refused", path, exc_info=True)
         if is_claim:  # `from None`: the memory is not at fault

@@ -233,7 +233,7 @@ def _building_passages(line: LineString, size: _PassageSize, building: Building)
     )
     inside = _polygons(shapely.intersection(corridor, building.footprint))
     entered = [part for part in inside if part.intersects(line)]
-    if not any(part.intersection(building.footprint.boundary).length > 0 for part in entered):
+    if not shapely.length(shapely.intersection(np.array(entered, object), building.footprint.boundary)).any():
         return INNER_REASON
     if max(min(size.height, building.height - MIN_WALL_OVER_PASSAGE_M), building.raised) < MIN_PASSAGE_HEIGHT_M:
         return LOW_REASON

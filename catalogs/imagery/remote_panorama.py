@@ -99,6 +99,14 @@ def finite_float_or_none(value: object) -> float | None:
     return number if math.isfinite(number) else None
 
 
+def image_size(dimensions: object) -> tuple[int, int] | None:
+    """Return (rows, columns) from [columns, rows]; None for anything else."""
+    found = [finite_float_or_none(value) for value in dimensions] if isinstance(dimensions, list) else []
+    if len(found) != 2 or not found[0] or not found[1]:
+        return None
+    return int(found[1]), int(found[0])
+
+
 def parse_geojson_pose(geometry: object, heading: object, pitch: object = None, roll: object = None) -> SourcePose:
     """Parse a GeoJSON point and angles in degrees into a pose.
 

@@ -19,6 +19,7 @@ from catalogs.imagery.remote_panorama import (
     PanoramaQuery,
     RemotePanorama,
     finite_float_or_none,
+    image_size,
     panorama_fault,
     parse_geojson_pose,
     resolve_licence,
@@ -117,7 +118,7 @@ def _parse_panorama(identifier: str, item: JsonObject, licence: str | None) -> R
         author=_provider_names(item, properties),
         licence=rights,
         licence_url=text,
-        size=_image_size(inner.get("sensor_array_dimensions")),
+        size=image_size(inner.get("sensor_array_dimensions")),
         sha256=_checksum_sha256(asset.get("file:checksum")),
     )
 
@@ -134,14 +135,6 @@ def _parse_heading(properties: JsonObject) -> object:
     if stated is None or exact is None:
         return heading
     return exact if abs((exact - stated + 180.0) % 360.0 - 180.0) <= 0.5 else heading
-
-
-def _image_size(dimensions: object) -> tuple[int, int] | None:
-    """Return (rows, columns) from [columns, rows]."""
-    found = [finite_float_or_none(value) for value in dimensions] if isinstance(dimensions, list) else []
-    if len(found) != 2 or not found[0] or not found[1]:
-        return None
-    return int(found[1]), int(found[0])
 
 
 def _picture_asset(assets: object) -> JsonObject:
