@@ -27,8 +27,14 @@ from catalogs.readers.meshes.gltf_materials import (
     header_item,
     stated_frame,
 )
-from catalogs.readers.meshes.surfaces import MeshSurface, is_interior_class, is_surface_name, semantic_from_names
-from catalogs.readers.meshes.up_axis import Z_UP_FROM_Y_UP
+from catalogs.readers.meshes.surfaces import (
+    MeshContent,
+    MeshSurface,
+    is_interior_class,
+    is_surface_name,
+    semantic_from_names,
+)
+from catalogs.readers.meshes.up_axis import Z_UP_FROM_Y_UP, note_sideways_gltf
 from catalogs.readers.referenced_files import (
     NO_FILE_REASON,
     OUTSIDE_FOLDER_REASON,
@@ -74,7 +80,7 @@ _Primitive: TypeAlias = tuple[int, int, JsonObject]
 _PLACEHOLDER_NAMES = frozenset(("", "world", "scene", "root", "rootnode"))
 
 
-def read_gltf_surfaces(path: Path) -> tuple[list[MeshSurface], tuple[Path, ...], list[Remark], str | None]:
+def read_gltf_surfaces(path: Path) -> MeshContent:
     """Read surfaces by building and semantic, the pictures that they use, remarks, and the frame that the extras state.
 
     Coordinates (x, y, z) become (x, -z, y) plus `origin` [x, y, z] of the scene's extras. Embedded pictures are dropped, since
@@ -91,9 +97,7 @@ def read_gltf_surfaces(path: Path) -> tuple[list[MeshSurface], tuple[Path, ...],
         return _read_scene(path, header, rest)
 
 
-def _read_scene(
-    path: Path, header: JsonObject, rest: bytes
-) -> tuple[list[MeshSurface], tuple[Path, ...], list[Remark], str | None]:
+def _read_scene(path: Path, header: JsonObject, rest: bytes) -> MeshContent:
     import trimesh
 
     _check_counts(path, header)
@@ -119,7 +123,8 @@ def _read_scene(
         elif (surface := reader.read_surface(mesh, primitives[int(node)])) is not None:
             vertices = (surface.corners @ transform[:3, :3].T + transform[:3, 3]) @ Z_UP_FROM_Y_UP.T + origin
             surfaces.append(replace(surface, corners=vertices[mesh.faces]))
-    return surfaces, tuple(reader.pictures), reader.remarks(), stated_frame(header)
+    remarks = [*reader.remarks(), *note_sideways_gltf(surfaces, path.name)]
+    return MeshContent(surfaces, tuple(reader.pictures), remarks, crs=stated_frame(header))
 
 
 class _SceneReader:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from catalogs.crs import parse_crs
-from catalogs.features import BuildingModels, Fault, Remark, select_textures
+from catalogs.features import BuildingModels, Remark, select_textures
 from catalogs.reader_errors import wrap_reader_errors
 from catalogs.readers.meshes.gltf import read_gltf_surfaces
 from catalogs.readers.meshes.header_comments import read_header_comments
@@ -21,8 +21,8 @@ from catalogs.readers.meshes.plausible_models import (
     select_plausible_models,
 )
 from catalogs.readers.meshes.surface_names import merge_surface_names
-from catalogs.readers.meshes.surfaces import MeshSurface, group_into_models
-from catalogs.readers.meshes.up_axis import note_sideways_gltf, turn_up
+from catalogs.readers.meshes.surfaces import MeshContent, MeshSurface, group_into_models
+from catalogs.readers.meshes.up_axis import turn_up
 from catalogs.readers.settings import LIMITS
 from catalogs.readers.source_keys import NO_SOURCE_KEYS, UP_AXIS_SUFFIXES, SourceKeys
 from facade_core.core.errors import InputError
@@ -50,20 +50,10 @@ def read_mesh_buildings(path: Path, lod: str | None = None, keys: SourceKeys = N
     InputError
         Where the file cannot be read or holds no triangle.
     """
-    crs: str | None = None
-    textures: tuple[Path, ...] = ()
-    remarks: list[Remark] = []
-    faults: list[Fault] = []
     kind = path.suffix.lower()
-    if kind == ".npz":
-        surfaces, crs = _read_npz(path)
-    elif kind == ".obj":
-        surfaces, textures, remarks, faults = read_obj_surfaces(path)
-    elif kind in (".glb", ".gltf"):
-        surfaces, textures, remarks, crs = read_gltf_surfaces(path)
-        remarks += note_sideways_gltf(surfaces, path.name)
-    else:
-        surfaces, remarks = read_plain_mesh(path)
+    readers = {".npz": _read_npz, ".obj": read_obj_surfaces, ".glb": read_gltf_surfaces, ".gltf": read_gltf_surfaces}
+    surfaces, textures, found, faults, crs = readers.get(kind, read_plain_mesh)(path)
+    remarks = list(found)
     stated = keys.crs or crs
     frame = None if stated is None else parse_crs(stated)
     if kind in UP_AXIS_SUFFIXES:
@@ -91,7 +81,7 @@ def _place_by_comments(
     return surfaces, remarks + turned
 
 
-def _read_npz(path: Path) -> tuple[list[MeshSurface], str | None]:
+def _read_npz(path: Path) -> MeshContent:
     """Read triangles (n, 3, 3), feature (n,) as the number of the building, and optional origin (3,) and epsg ()."""
     wanted = "triangles (n, 3, 3), feature (n,) of integers and, if needed, origin (3,) and epsg"
     names = ("triangles", "feature", "origin", "epsg")
@@ -112,7 +102,8 @@ def _read_npz(path: Path) -> tuple[list[MeshSurface], str | None]:
         )
     numbers, counts = np.unique(feature, return_counts=True)
     parts = np.split(np.argsort(feature, kind="stable"), np.cumsum(counts)[:-1])
-    return [
+    surfaces = [
         MeshSurface(str(number), "unknown", np.asarray(triangles[part], np.float64) + origin)
         for number, part in zip(numbers, parts, strict=False)
-    ], crs
+    ]
+    return MeshContent(surfaces, crs=crs)

@@ -6,6 +6,8 @@ import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -53,6 +55,16 @@ class MeshSurface:
     texture: int = -1
     uv: FloatArray | None = None
     colour: Colour | None = None
+
+
+class MeshContent(NamedTuple):
+    """Surfaces of a mesh file, with the pictures that their texture indices refer to, and the frame that it states."""
+
+    surfaces: list[MeshSurface]
+    textures: tuple[Path, ...] = ()
+    remarks: Sequence[Remark] = ()
+    faults: Sequence[Fault] = ()
+    crs: str | None = None
 
 
 def semantic_from_names(*names: str | None) -> str:
