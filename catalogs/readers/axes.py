@@ -87,15 +87,18 @@ def resolve_crs_axes(
     north_first = horizontal.axis_info[0].direction == "north" and "CRS84" not in name
     is_bare_code = _BARE_CODE.fullmatch(name) is not None
     north_first, remark = _axis_order(horizontal, north_first, sample_point, is_bare_code=is_bare_code)
-    unit = horizontal.axis_info[0].unit_conversion_factor
     vertical = next((part for part in parts if part.is_vertical), horizontal)
-    if horizontal.is_geographic:
-        latitude = 0.0 if sample_point is None else sample_point[0 if north_first else 1] * unit
-        metres = EARTH_RADIUS_M * unit
-        scale = metres * max(math.cos(latitude), 1e-3), metres
-    else:
-        scale = unit, unit
+    scale = _metres_per_unit(horizontal, sample_point, north_first)
     return CoordinateAxes(crs, horizontal.to_string(), north_first, scale, metres_per_height_unit(vertical)), remark
+
+
+def _metres_per_unit(crs: CRS, sample_point: tuple[float, float] | None, north_first: bool) -> tuple[float, float]:
+    unit = crs.axis_info[0].unit_conversion_factor
+    if not crs.is_geographic:
+        return unit, unit
+    latitude = 0.0 if sample_point is None else sample_point[0 if north_first else 1] * unit
+    metres = EARTH_RADIUS_M * unit
+    return metres * max(math.cos(latitude), 1e-3), metres
 
 
 def _parse_epsg_codes(name: str) -> list[int]:

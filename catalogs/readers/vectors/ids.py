@@ -35,19 +35,17 @@ def assign_ids(records: list[dict[str, object]], columns: Mapping[str, str]) -> 
     remarks : remark by id.
     """
     stated = {name: [_id_text(record, name, columns) for record in records] for name in ID_COLUMNS if name in columns}
-    fitting = [
-        name for name, texts in stated.items() if _count_different(texts) >= VECTORS.min_unique_share * len(texts)
-    ]
+    fitting = [name for name, texts in stated.items() if _count_ids(texts) >= VECTORS.min_unique_share * len(texts)]
     if not fitting:
         ids = list(map(str, range(len(records))))
         return ids, dict.fromkeys(ids if any(map(any, stated.values())) else (), _BY_ROW_REMARK)
-    name = max(fitting, key=lambda name: _count_different(stated[name]) == len(records))
+    name = max(fitting, key=lambda name: _count_ids(stated[name]) == len(records))
     ids = _make_unique(stated[name])
     numbered = {id: _NUMBERED_REMARK for id, text in zip(ids, stated[name], strict=True) if text not in ("", id)}
     return ids, _inexact_ids(ids, records, columns[name]) | numbered
 
 
-def _count_different(texts: list[str]) -> int:
+def _count_ids(texts: list[str]) -> int:
     return len({*texts} - {""})
 
 

@@ -235,11 +235,8 @@ def _choose_layer(path: Path, kind: str, name_hints: Sequence[str]) -> tuple[str
 
 def _read_layer(path: Path, layer: str, with_numbers: bool) -> tuple[GeoDataFrame, dict[str, str]]:
     info = gdal_files.read_info(path, layer=layer, **_raw_text(path))
-    fields = (
-        decode_field_names(info["fields"])
-        if _raw_text(path)
-        else dict(zip(info["fields"], info["fields"], strict=True))
-    )
+    names = info["fields"]
+    fields = decode_field_names(names) if _raw_text(path) else dict(zip(names, names, strict=True))
     columns = match_known_columns(fields, has_truncated_names=_has_truncated_names(path))
     numbers = [
         name
