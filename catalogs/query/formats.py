@@ -11,7 +11,7 @@ from datetime import datetime
 from typing import TYPE_CHECKING
 
 from catalogs.crs import LONLAT
-from catalogs.printable_text import escape_invisible, escape_invisible_json, format_count
+from catalogs.printable_text import escape_invisible, escape_invisible_json
 from catalogs.published.columns import BBOX
 from catalogs.query.where import condition_columns
 from facade_core.core.errors import InputError
@@ -125,7 +125,7 @@ def _format_table(items: pd.DataFrame, asked: Sequence[str]) -> str:
         return "  ".join(c.ljust(w) if name in text else c.rjust(w) for name, c, w in parts).rstrip()
 
     kinds = Counter(items["kind"]) if "kind" in items else {"facade": len(rows)}
-    count = ", ".join(format_count(number, kind) for kind, number in kinds.items())
+    count = ", ".join(f"{number} {kind}{'s' * (number != 1)}" for kind, number in kinds.items())
     return "\n".join(
         [format_line(head), format_line(["-" * width for width in widths]), *map(format_line, rows), count]
     )
