@@ -116,8 +116,8 @@ def is_same_frame(one: str, other: str) -> bool:
     return bool(np.hypot(x - u, y - v)[0] <= tolerance)
 
 
-def metres_per_height_unit(crs: CRS | str) -> float:
-    """Return the metres per unit of heights in a CRS.
+def metres_per_height_unit(crs: CRS | str | None) -> float:
+    """Return the metres per unit of heights in a CRS, 1 without one.
 
     That is the unit of its vertical part. Without one it is the unit of a projected system of feet, since surveys in feet
     measure heights in feet; next to degrees and to larger units heights are in metres.
@@ -127,6 +127,8 @@ def metres_per_height_unit(crs: CRS | str) -> float:
     InputError
         Where the name of the CRS is unknown.
     """
+    if crs is None:
+        return 1.0
     if isinstance(crs, str):
         parse_crs(crs)
         crs = _crs_with_heights(crs)

@@ -8,18 +8,19 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 import shapely
 
-from facade_core.core.arrays import Float64Array
-from facade_core.core.types import PLAIN, BuildingFinish, BuildingShell, Roof
+from facade_core.core.arrays import Float64Array, IntArray
+from facade_core.core.types import PLAIN, Building, BuildingFinish, BuildingShell, Roof
 
 if TYPE_CHECKING:
     from shapely import LineString, MultiPolygon, Polygon
     from shapely.geometry.base import BaseGeometry
 
+WithShellT = TypeVar("WithShellT", "BuildingModel", Building)
 # File systems allow 255 bytes; prefixes and suffixes need some.
 MAX_STEM_LENGTH = 120
 
@@ -280,6 +281,21 @@ def _move_shell(shell: BuildingShell, offset: Sequence[float]) -> BuildingShell:
 def _bounding_boxes(geometries: Iterable[BaseGeometry]) -> Float64Array:
     boxes: Float64Array = shapely.bounds(np.array(list(geometries), dtype=object)).reshape(-1, 4)
     return boxes
+
+
+def select_textures(
+    items: Sequence[WithShellT], textures: tuple[Path, ...]
+) -> tuple[list[WithShellT], tuple[Path, ...]]:
+    """Return the items with texture indices renumbered to the used textures, and these."""
+    indices: list[IntArray] = [one.shell.texture for one in items if one.shell is not None]
+    used = np.unique(np.concatenate([np.empty(0, np.int32), *indices]))
+    used = used[used >= 0]
+    number = np.full(len(textures) + 1, -1, np.int32)  # index -1 maps to -1
+    number[used] = np.arange(len(used))
+    return [
+        one if one.shell is None else replace(one, shell=replace(one.shell, texture=number[one.shell.texture]))
+        for one in items
+    ], tuple(textures[index] for index in used.tolist())
 
 
 def safe_file_stem(identifier: str) -> str:

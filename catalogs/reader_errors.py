@@ -41,6 +41,14 @@ _PLAIN_WORDS = (
 )  # fmt: skip
 
 
+_WORDS_BY_CLASS = {
+    (RecursionError,): "it is nested too deeply",
+    (UnicodeEncodeError,): "it holds letters that cannot be encoded",
+    (OverflowError, ZeroDivisionError, FloatingPointError): "a number is too large",
+    (AssertionError, KeyError, IndexError, AttributeError, TypeError): _OTHER_CONTENT,
+}
+
+
 def is_system_error(error: BaseException) -> bool:
     """Return True where an error is the fault of the machine and not of the input."""
     if isinstance(error, OSError):
@@ -57,22 +65,19 @@ def _plain_message(error: BaseException) -> str:
     match error:
         case FacadeError():
             return str(error)
-        case RecursionError():
-            return "it is nested too deeply"
+
         case json.JSONDecodeError():
             return f"{error.msg.lower()} at line {error.lineno}, column {error.colno}"
         case UnicodeDecodeError():
             return f"it is no {error.encoding.upper()} text"
-        case UnicodeEncodeError():
-            return "it holds letters that cannot be encoded"
+
         case OSError() if error.strerror:
             return error.strerror
-        case KeyError() if error.args and isinstance(error.args[0], str):
-            return f"{error.args[0][:60]!r} is missing"
-        case OverflowError() | ZeroDivisionError() | FloatingPointError():
-            return "a number is too large"
-        case AssertionError() | KeyError() | IndexError() | AttributeError() | TypeError():
-            return _OTHER_CONTENT
+        case KeyError(args=(str() as key, *_)):
+            return f"{key[:60]!r} is missing"
+    for classes, words in _WORDS_BY_CLASS.items():
+        if isinstance(error, classes):
+            return words
     text = " ".join(str(error).split())
     for pattern, words in _PLAIN_WORDS:
         if found := re.fullmatch(pattern, text):
@@ -86,14 +91,14 @@ def to_single_line(text: str) -> str:
 
 
 @contextmanager
-def wrap_reader_errors(path: Path, problem: str, remedy: str) -> Iterator[None]:
+def wrap_reader_errors(path: Path | str, problem: str, remedy: str) -> Iterator[None]:
     """Raise errors of parsers as InputError.
 
     Errors of the project and of the machine pass unchanged.
 
     Parameters
     ----------
-    path : file that the wrapped block reads.
+    path : file that the wrapped block reads, or its name.
     problem : what the message says of the file, such as "is not a valid .obj file".
     remedy : advice to the user at the end of the message.
 
@@ -104,13 +109,12 @@ def wrap_reader_errors(path: Path, problem: str, remedy: str) -> Iterator[None]:
     """
     try:
         yield
-    except FacadeError:
-        raise
     except Exception as error:  # parsers raise errors of any class
-        if is_system_error(error) and not (isinstance(error, MemoryError) and _file_size(path) < _SMALL_FILE_BYTES):
+        is_claim = isinstance(error, MemoryError) and _file_size(path) < _SMALL_FILE_BYTES
+        if isinstance(error, FacadeError) or (is_system_error(error) and not is_claim):
             raise
         log.debug("%s: refused", path, exc_info=True)
-        if isinstance(error, MemoryError):  # `from None`: the memory is not at fault
+        if is_claim:  # `from None`: the memory is not at fault
             raise InputError(f"{path} claims to hold more than memory can; {remedy}") from None
         if isinstance(error, OSError) and error.strerror and error.filename is not None:
             check = "path" if isinstance(error, FileNotFoundError) else "permissions"
@@ -134,8 +138,8 @@ def fault_reason(error: Exception, remedy: str = "mend or remove it") -> str:
     return f"it cannot be read ({short_message(error)}); {remedy}"
 
 
-def _file_size(path: Path) -> int:
+def _file_size(path: Path | str) -> int:
     try:
-        return path.stat().st_size
+        return Path(path).stat().st_size
     except OSError:
         return 0

@@ -27,6 +27,7 @@ MAX_FACADE_DISTANCE_M = 2.0
 MAX_BUILDING_DISTANCE_M = 0.1
 # Height of a building part above its base.
 MIN_WALL_HEIGHT_M = 2.0
+_FLAT_ROOF = Roof("flat", 0.0)
 
 
 def apply_corrections_to_block(block: Block, corrections: Corrections) -> Block:
@@ -87,7 +88,7 @@ def _correct_building(building: Building, corrections: Corrections, storey: floa
     if levels is not None:
         building = replace(building, levels=int(levels))
     if building.shell is not None:
-        return building, stated_height is None and shape is None and roof_height is None
+        return building, (stated_height, shape, roof_height) == (None, None, None)
     height, source = building.height, building.height_source
     if stated_height is not None:
         height, source = round(stated_height, 2), "height"
@@ -97,26 +98,25 @@ def _correct_building(building: Building, corrections: Corrections, storey: floa
     if is_complete:
         building = replace(building, height=height, height_source=source)
     roof = _correct_roof(building, shape, roof_height)
-    if roof_height is not None and shape is None and (roof is None or roof.shape == "flat"):
+    if roof_height is not None and shape is None and roof == _FLAT_ROOF:
         is_complete = False  # the corrected height belonged to another shape
     return replace(building, roof=roof), is_complete
 
 
 def _correct_roof(building: Building, shape: str | None, height: float | None) -> Roof | None:
-    before = building.roof
     if shape is None and height is None:
-        return before
-    shape = shape or (before.shape if before else "flat")
+        return building.roof
+    before = building.roof or _FLAT_ROOF
+    shape = shape or before.shape
     if shape == "flat":
-        return Roof("flat", 0.0)
-    same = before if before is not None and before.shape == shape else None
+        return _FLAT_ROOF
+    is_same = before.shape == shape
     if height is None:
-        if same is not None:
-            return replace(same, confidence=1.0)
-        rise = before.height if before is not None else 0.0
-        height = rise if rise > 0 else estimate_roof_height(building.footprint, shape)
-    if same is not None:
-        return replace(same, height=round(height, 2), pitch=None, confidence=1.0)
+        if is_same:
+            return replace(before, confidence=1.0)
+        height = before.height if before.height > 0 else estimate_roof_height(building.footprint, shape)
+    if is_same:
+        return replace(before, height=round(height, 2), pitch=None, confidence=1.0)
     return Roof(shape, round(height, 2))
 
 

@@ -170,22 +170,17 @@ def read_corrections(block: Path) -> Corrections:
     path = corrections_file(block)
     try:
         state = path.stat()
+        return _read_corrections_file(path, (state.st_ino, state.st_size, state.st_mtime_ns))
     except FileNotFoundError:
         return NO_CORRECTIONS
-    except OSError as error:
+    except (OSError, UnicodeError) as error:
         raise InputError(f"{path} cannot be read ({short_message(error)}); restore it, or move it away") from error
-    return _read_corrections_file(path, (state.st_ino, state.st_size, state.st_mtime_ns))
 
 
 @lru_cache(maxsize=4)
 def _read_corrections_file(path: Path, state: tuple[int, int, int]) -> Corrections:
     """Read a corrections file, once for each state of it: a run reads it for the block and for its city."""
-    try:
-        text = read_regular(path).decode("utf-8-sig")  # editors of Windows add a byte order mark
-    except FileNotFoundError:
-        return NO_CORRECTIONS
-    except (OSError, UnicodeError) as error:
-        raise InputError(f"{path} cannot be read ({short_message(error)}); restore it, or move it away") from error
+    text = read_regular(path).decode("utf-8-sig")  # editors of Windows add a byte order mark
     newest: dict[str, dict[str, Correction]] = {}
     for number, line in enumerate(text.split("\n"), start=1):  # splitlines would split at other separators too
         if not line.strip():

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from enum import StrEnum
 from functools import cache
-from typing import Annotated, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Literal, TypeGuard, Union, get_args, get_origin, get_type_hints
 
 from pydantic import BaseModel, ConfigDict
 from pydantic_core import PydanticUndefined
@@ -106,7 +106,7 @@ def _walk_keys(model: type, prefix: str) -> Iterator[DeclaredKey]:
         if key is None:
             continue
         dotted, default = prefix + name, defaults[name]
-        sections = [one for one in _alternatives(hint) if isinstance(one, type) and _is_section(one)]
+        sections = [one for one in _alternatives(hint) if _is_section(one)]
         yield DeclaredKey(
             dotted,
             key,
@@ -126,8 +126,8 @@ def _defaults(model: type) -> dict[str, object]:
     return {field.name: field.default for field in fields(model)}
 
 
-def _is_section(hint: type) -> bool:
-    return issubclass(hint, Section) or is_dataclass(hint)
+def _is_section(hint: object) -> TypeGuard[type]:
+    return isinstance(hint, type) and (issubclass(hint, Section) or is_dataclass(hint))
 
 
 def _annotations(hint: object) -> tuple[object, ...]:

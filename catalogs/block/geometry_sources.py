@@ -31,7 +31,6 @@ def read_building_sources(
     given = _source_keys("buildings", keys.buildings, files, file)
     for path in files["buildings.path"]:
         source = file.call_reader("buildings.path", read_buildings, path, keys.buildings.lod, given)
-        is_unstated = source.crs is None and keys.buildings.crs is None
         crs = keys.buildings.crs or source.crs or keys.crs
         if crs is None:
             remedy = "write crs: EPSG:..."
@@ -40,10 +39,10 @@ def read_building_sources(
             raise file.make_error("buildings.crs", f"missing, and {path} states no frame; {remedy}")
         file.call_reader("buildings.crs", parse_crs, crs)
         remarks = (*source.remarks, *_overruled_frame(path, source.crs, "buildings", keys.buildings.crs))
+        if source.crs is None and keys.buildings.crs is None:
+            remarks = (*remarks, Remark(path.name, _UNSTATED_FRAME_REASON, None))
         faults = tuple(_name_file_in_fault(fault, path) for fault in source.faults)
         source = replace(source, crs=crs, faults=faults, remarks=remarks)
-        if is_unstated:
-            source = replace(source, remarks=(*source.remarks, Remark(path.name, _UNSTATED_FRAME_REASON, None)))
         sources.append(source.translate(keys.buildings.offset) if keys.buildings.offset else source)
     if not any(source.items or source.faults for source in sources):
         names = ", ".join(map(str, files["buildings.path"]))

@@ -59,8 +59,8 @@ _TAG_VALUES_BY_SURFACE = {
 SURFACE_BY_TAG_VALUE = {
     value: surface for surface, values in _TAG_VALUES_BY_SURFACE.items() for value in values.split()
 }
-# Surface of an area by its tags, the first match wins; None: by its `surface`, slabs by default.
-AREA_SURFACES: tuple[tuple[str, Mapping[str, str | None]], ...] = (
+# Surface of an area by its tags, the first match wins; its `surface` replaces those other than grass and water.
+AREA_SURFACES: tuple[tuple[str, Mapping[str, str]], ...] = (
     (
         "natural",
         {"water": "water", "wood": "grass", "scrub": "grass", "grassland": "grass", "sand": "gravel", "beach": "gravel"},
@@ -72,11 +72,11 @@ AREA_SURFACES: tuple[tuple[str, Mapping[str, str | None]], ...] = (
          "recreation_ground": "grass", "cemetery": "grass", "basin": "water", "construction": "gravel", "brownfield": "gravel"},
     ),
     ("waterway", {"riverbank": "water", "dock": "water"}),
-    ("man_made", {"bridge": None, "pier": None}),
-    ("place", {"square": None}),
+    ("man_made", {"bridge": "slabs", "pier": "slabs"}),
+    ("place", {"square": "slabs"}),
     ("amenity", {"parking": "asphalt"}),
-    ("highway", {"pedestrian": None, "footway": None, "service": "asphalt", "rest_area": "asphalt"}),
-    ("area:highway", {"pedestrian": None, "footway": None, "residential": "asphalt", "cycleway": "track"}),
+    ("highway", {"pedestrian": "slabs", "footway": "slabs", "service": "asphalt", "rest_area": "asphalt"}),
+    ("area:highway", {"pedestrian": "slabs", "footway": "slabs", "residential": "asphalt", "cycleway": "track"}),
 )  # fmt: skip
 DEFAULT_PAVEMENT_WIDTH_M = 2.5
 # Width of a parking lane by orientation.
@@ -207,20 +207,20 @@ def _road_ways(id: str, line: LineString, name: str, tags: Mapping[str, str]) ->
 
 def ground_surface_class(geometry: BaseGeometry, tags: Mapping[str, str]) -> str | None:
     """Return the surface class of a closed outline, such as "grass"; None if it is no area of ground."""
-    closed = "Polygon" in geometry.geom_type or (
-        geometry.geom_type in ("LineString", "LinearRing") and geometry.is_closed
-    )
-    if not closed or "building" in tags or len(shapely.get_coordinates(geometry)) < 4:
+    if not _is_closed(geometry) or "building" in tags or len(shapely.get_coordinates(geometry)) < 4:
         return None
     for key, surfaces in AREA_SURFACES:
-        value = tags.get(key)
-        if value is None or value not in surfaces:
+        made = surfaces.get(tags.get(key, ""))
+        if made is None or (key == "highway" and tags.get("area") != "yes" and tags[key] != "pedestrian"):
             continue
-        if key == "highway" and tags.get("area") != "yes" and value != "pedestrian":
-            continue
-        made = surfaces[value]
-        return made if made in ("grass", "water") else _surface_from_tags(tags, made or "slabs")
+        return made if made in ("grass", "water") else _surface_from_tags(tags, made)
     return None
+
+
+def _is_closed(geometry: BaseGeometry) -> bool:
+    return "Polygon" in geometry.geom_type or (
+        geometry.geom_type in ("LineString", "LinearRing") and geometry.is_closed
+    )
 
 
 def _equalise_widths(ways: Sequence[GroundWay], street: Mapping[str, str]) -> list[GroundWay]:

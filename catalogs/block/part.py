@@ -11,8 +11,8 @@ import shapely
 
 from catalogs.block.likely_shops import MAX_SHOP_DISTANCE_M
 from catalogs.block.segments import split_streets_at_junctions
-from catalogs.features import safe_file_stem
-from facade_core.core.types import Building, BuildingShell, MappedGround, Street
+from catalogs.features import safe_file_stem, select_textures
+from facade_core.core.types import Building, MappedGround, Street
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -115,7 +115,7 @@ class CityIndex:
         footprints = shapely.union_all([one.footprint for one in mine])
         pictured = np.sort(self._panoramas.query(footprints.buffer(MAX_PICTURE_DISTANCE_M), predicate="covers"))
         entrances = np.sort(self._entrances.query(footprints.buffer(MAX_ENTRANCE_DISTANCE_M), predicate="covers"))
-        kept, textures = _select_textures(kept, block.textures)
+        kept, textures = select_textures(kept, block.textures)
         return replace(
             block,
             buildings=tuple(kept),
@@ -145,26 +145,6 @@ class CityIndex:
             ways=tuple(ground.ways[i] for i in ways.tolist()),
             areas=tuple(ground.areas[i] for i in areas.tolist()),
         )
-
-
-def _select_textures(
-    buildings: Sequence[Building], textures: tuple[Path, ...]
-) -> tuple[list[Building], tuple[Path, ...]]:
-    """Return the used textures, and the buildings with texture indices renumbered to them."""
-    shells = [one.shell.texture for one in buildings if one.shell is not None]
-    used = np.unique(np.concatenate([*shells, np.empty(0, np.int32)]))
-    used = used[used >= 0]
-    if len(used) == len(textures):
-        return list(buildings), textures
-
-    def renumber_textures(shell: BuildingShell) -> BuildingShell:
-        found = np.where(shell.texture < 0, shell.texture, np.searchsorted(used, shell.texture))
-        return replace(shell, texture=found.astype(shell.texture.dtype))
-
-    return (
-        [one if one.shell is None else replace(one, shell=renumber_textures(one.shell)) for one in buildings],
-        tuple(textures[i] for i in used.tolist()),
-    )
 
 
 def nearest_street_names(buildings: Sequence[Building], streets: Sequence[Street]) -> list[str]:

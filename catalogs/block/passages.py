@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import shapely
-from shapely import LineString
+from shapely import LineString, Polygon
 
 from catalogs.block.ground import ground_surface_class, ways_from_tags
 from catalogs.block.streets import project_lines
@@ -231,17 +231,19 @@ def _building_passages(line: LineString, size: _PassageSize, building: Building)
     corridor = _extend_ends(line, building.footprint, size.width / 2 + MAX_END_GAP_M).buffer(
         size.width / 2, cap_style="flat", join_style="mitre"
     )
-    inside = shapely.get_parts(shapely.intersection(corridor, building.footprint))
-    entered = [part for part in inside.tolist() if part.geom_type == "Polygon" and part.intersects(line)]
-    if not any(part.intersection(building.footprint.boundary).length > 0 for part in entered):
+    inside = _polygons(shapely.intersection(corridor, building.footprint))
+    entered = [part for part in inside if part.intersects(line)]
+    if not shapely.length(shapely.intersection(np.array(entered, object), building.footprint.boundary)).any():
         return INNER_REASON
     if max(min(size.height, building.height - MIN_WALL_OVER_PASSAGE_M), building.raised) < MIN_PASSAGE_HEIGHT_M:
         return LOW_REASON
     around = shapely.union_all([part.buffer(OUTLINE_MARGIN_M, join_style="mitre") for part in entered])
-    areas = shapely.get_parts(shapely.intersection(corridor, around)).tolist()
-    return [
-        BuildingPassage(area, size.height) for area in areas if area.geom_type == "Polygon" and area.area > MIN_AREA_M2
-    ]
+    areas = _polygons(shapely.intersection(corridor, around))
+    return [BuildingPassage(area, size.height) for area in areas if area.area > MIN_AREA_M2]
+
+
+def _polygons(geometry: BaseGeometry) -> list[Polygon]:
+    return [part for part in shapely.get_parts(geometry).tolist() if part.geom_type == "Polygon"]
 
 
 def _extend_ends(line: LineString, footprint: BaseGeometry, reach: float) -> LineString:

@@ -163,9 +163,9 @@ def build_block(keys: BlockFileSettings, file: BlockFileErrorContext) -> Block:
     terrain = _read_terrain(files, frame, extent, file)
     buildings, cut = cut_buried_feet(built.items, terrain)
     separation, geoid_notes = resolve_geoid_separation(keys.geoid_separation, frame.to_wkt(), extent)
-    panoramas, broken_panoramas, far = _read_posed_pictures(
-        keys, files, frame, extent, partial(_correct_heights, keys, buildings, terrain), file
-    )
+    height = keys.texture.viewpoint_height
+    correct = partial(correct_camera_heights, buildings=buildings, elevation=terrain, camera_height=height)
+    panoramas, broken_panoramas, far = _read_posed_pictures(keys, files, frame, extent, correct, file)
     return Block(
         crs=frame,
         buildings=buildings,
@@ -199,15 +199,6 @@ def build_block(keys: BlockFileSettings, file: BlockFileErrorContext) -> Block:
 
 
 CorrectHeights = Callable[[Sequence[PosedPanorama]], tuple[tuple[PosedPanorama, ...], tuple[str, ...]]]
-
-
-def _correct_heights(
-    keys: BlockFileSettings,
-    buildings: Sequence[Building],
-    terrain: ElevationRaster | None,
-    pictures: Sequence[PosedPanorama],
-) -> tuple[tuple[PosedPanorama, ...], tuple[str, ...]]:
-    return correct_camera_heights(pictures, buildings, terrain, keys.texture.viewpoint_height)
 
 
 def _read_posed_pictures(

@@ -116,7 +116,7 @@ class ValueDecoder:
     def decode(self, encoded: JsonValue) -> object:
         """Decode a value. Raises ValueError, KeyError, TypeError or IndexError for what no encoder wrote."""
         if isinstance(encoded, list):
-            return tuple(self.decode(part) for part in encoded)
+            return tuple(map(self.decode, encoded))
         if not isinstance(encoded, dict):
             return encoded
         ((kind, content),) = encoded.items()

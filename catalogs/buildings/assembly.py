@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from itertools import count
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import compress, count
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,7 +16,7 @@ from shapely import MultiPolygon, Polygon
 from catalogs.buildings.heights import assume_heights
 from catalogs.buildings.models import project_models, split_off_solids
 from catalogs.buildings.part_files import attach_parts
-from catalogs.buildings.parts import PartCandidate, host_outline_indices, split_buildings_into_parts
+from catalogs.buildings.parts import PartCandidate, host_outline_indices, split_buildings_into_parts, whole_levels
 from catalogs.buildings.repeated_outlines import find_repeated_outlines
 from catalogs.buildings.roofs import add_assumed_roofs
 from catalogs.buildings.settings import SITES
@@ -74,6 +74,177 @@ class _Candidate:
         return self.whole_outline is None and (self.footprint is None or not self.footprint.starts_above_ground)
 
 
+@dataclass
+class _Assembly:
+    """Buildings of the sources so far, in the frame and the area of a block.
+
+    Attributes
+    ----------
+    crs : metric frame.
+    area : polygon that contains the representative points of the buildings; None for no limit.
+    reasons : ids of set-aside and changed buildings by reason.
+    found : buildings in the area.
+    around : buildings near it of known height.
+    outlines_by_id : outlines of the buildings in the area by the id that their source gives them.
+    """
+
+    crs: CRS
+    area: Polygon | None
+    reasons: dict[str, list[str]] = field(default_factory=lambda: defaultdict(list))
+    faults: list[Fault] = field(default_factory=list)
+    textures: list[Path] = field(default_factory=list)
+    found: list[_Candidate] = field(default_factory=list)
+    around: list[_Candidate] = field(default_factory=list)
+    outlines_by_id: dict[str, list[BaseGeometry]] = field(default_factory=lambda: defaultdict(list))
+
+    def add_source(self, source: Footprints | BuildingModels) -> None:
+        """Add the remarks, the faults and the buildings of a source in the area."""
+        places = self._project([remark.geometry for remark in source.remarks], source)
+        for remark, place in zip(source.remarks, places, strict=True):
+            if self._may_intersect(place):
+                self.reasons[remark.reason].append(remark.id)
+        places = self._project([fault.place for fault in source.faults], source)
+        self.faults += [fault for fault, place in zip(source.faults, places, strict=True) if self._may_intersect(place)]
+        if isinstance(source, BuildingModels):
+            candidates = self._model_candidates(source)
+            self.textures += source.textures
+        else:
+            candidates = self._footprint_candidates(source)
+        self.found += self._drop_duplicates(candidates)
+
+    def _footprint_candidates(self, source: Footprints) -> list[_Candidate]:
+        """Return the buildings of footprints in the area; `around` receives nearby ones of known height."""
+        pieces = self._drop_repeated_outlines(self._split_outlines(source))
+        candidates: list[_Candidate] = []
+        host_indices = host_outline_indices(
+            [outline for _, _, outline in pieces], [footprint.is_part for footprint, _, _ in pieces]
+        )
+        for (footprint, id, outline), host in zip(pieces, host_indices, strict=True):
+            whole = pieces[host][2] if host >= 0 else None
+            levels = whole_levels(footprint.levels)
+            building = Building(id, outline, 0.0, "", levels, footprint.name, footprint.base, footprint.roof)
+            candidate = _Candidate(replace(building, finish=footprint.finish), footprint, whole)
+            if self._is_inside(whole or outline):
+                candidates.append(candidate)
+            elif _states_floor_height(candidate) and shapely.dwithin(self.area, outline, SITES.context_distance_m):
+                self.around.append(candidate)
+        return candidates
+
+    def _split_outlines(self, source: Footprints) -> list[tuple[Footprint, str, Polygon]]:
+        """Return each polygon of the footprints in the frame, with its id; broken outlines in the area become faults."""
+        pieces: list[tuple[Footprint, str, Polygon]] = []
+        outlines = self._project([footprint.outline for footprint in source.items], source)
+        for footprint, stated in zip(source.items, outlines, strict=True):
+            try:
+                parts = self._split_outline(footprint, stated)
+            except Exception as error:  # an error of GEOS affects this outline only
+                if self._may_intersect(stated):
+                    self.faults.append(Fault(footprint.id, "building", fault_reason(error)))
+                continue
+            pieces += [
+                (footprint, footprint.id if len(parts) == 1 else f"{footprint.id}-{index}", part)
+                for index, part in enumerate(parts)
+            ]
+        return pieces
+
+    def _split_outline(self, footprint: Footprint, stated: BaseGeometry) -> list[Polygon]:
+        """Return the polygons of an outline that are large enough; InputError with its defect."""
+        smallest = SITES.min_part_m2 if footprint.is_part else SITES.min_footprint_m2
+        outline = _without_stray_holes(stated)
+
+        def note(reason: str) -> None:
+            if self._may_intersect(outline):
+                self.reasons[reason].append(footprint.id)
+
+        if outline is not stated:
+            note("holes outside their outlines ignored")
+        if defect := _find_defect(outline):
+            raise InputError(defect)
+        large, small = _split_polygons(outline, smallest)
+        if not large:
+            what = "parts of buildings" if footprint.is_part else "footprints"
+            note(f"{what} under {smallest:g} m2 set aside" if small else f"{what} that enclose no area set aside")
+        elif shapely.is_valid_reason(outline).startswith("Self-intersection"):
+            note("outlines that cross themselves in a sliver repaired")
+        return large
+
+    def _drop_repeated_outlines(
+        self, pieces: list[tuple[Footprint, str, Polygon]]
+    ) -> list[tuple[Footprint, str, Polygon]]:
+        """Return the pieces without those that repeat the outline and lower end of another; the highest is kept."""
+        kinds = [
+            (one.is_part, one.min_height, one.min_level, None if one.base is None else round(one.base))
+            for one, _, _ in pieces
+        ]
+        heights = [one.height or SITES.assumed_floor_m * (one.levels or 0.0) for one, _, _ in pieces]
+        repeated = find_repeated_outlines([outline for _, _, outline in pieces], kinds, heights)
+        self.reasons[REPEATED_REASON] += [
+            id for _, id, outline in compress(pieces, repeated) if self._may_intersect(outline)
+        ]
+        return list(compress(pieces, ~repeated))
+
+    def _model_candidates(self, source: BuildingModels) -> list[_Candidate]:
+        candidates: list[_Candidate] = []
+        kinds = []
+        for model, shell, outline in project_models(source, self.crs, len(self.textures)):
+            if isinstance(outline, str):
+                self.faults.append(Fault(model.id, "building", outline))
+            elif not self._is_inside(outline):
+                continue
+            elif outline.area < SITES.min_footprint_m2:
+                self.reasons[f"models that cover under {SITES.min_footprint_m2:g} m2 set aside"].append(model.id)
+            else:
+                low, high = float(shell.vertices[:, 2].min()), float(shell.vertices[:, 2].max())
+                base = model.base if model.base is not None and low - 2.0 <= model.base < high else low
+                levels, height = whole_levels(model.levels), round(high - base, 2)
+                building = Building(model.id, outline, height, "model", levels, model.name, base, shell=shell)
+                candidates.append(_Candidate(replace(building, finish=model.finish), None))
+                kinds.append((round(base), round(height)))
+        outlines = [one.building.footprint for one in candidates]
+        repeated = find_repeated_outlines(outlines, kinds, [0.0] * len(outlines))
+        self.reasons[REPEATED_REASON] += [one.building.id for one in compress(candidates, repeated)]
+        return list(compress(candidates, ~repeated))
+
+    def _drop_duplicates(self, candidates: list[_Candidate]) -> list[_Candidate]:
+        """Return the candidates that no earlier feature duplicates, each with a unique id."""
+        used = {candidate.building.id for candidate in self.found}
+        taken = used | {candidate.building.id for candidate in candidates}
+        tree = shapely.STRtree([candidate.building.footprint for candidate in self.found])
+        kept = []
+        for candidate in candidates:
+            id, outline = candidate.building.id, candidate.building.footprint
+            others = [self.found[i].building.footprint for i in tree.query(outline, predicate="intersects")]
+            if _is_duplicate(outline, others, self.outlines_by_id[id]):
+                self.reasons["buildings stated twice, the first kept"].append(id)
+                continue
+            self.outlines_by_id[id].append(outline)
+            if id in used:
+                number = next(number for number in count(2) if f"{id}-{number}" not in taken)
+                taken.add(f"{id}-{number}")
+                candidate = replace(candidate, building=replace(candidate.building, id=f"{id}-{number}"))
+                self.reasons["buildings numbered since one elsewhere has their id"].append(candidate.building.id)
+            used.add(candidate.building.id)
+            kept.append(candidate)
+        return kept
+
+    def _is_inside(self, outline: Polygon) -> bool:
+        return self.area is None or bool(self.area.contains(outline.representative_point()))
+
+    def _project(self, outlines: Sequence[BaseGeometry | None], source: Footprints | BuildingModels) -> ObjectArray:
+        assert source.crs is not None, "the block gives a frame to every source"
+        flat = np.empty(len(outlines), dtype=object)
+        flat[:] = outlines
+        transform = coordinate_transform(source.crs, self.crs)
+        projected: ObjectArray = shapely.transform(shapely.force_2d(flat), transform, interleaved=False)
+        return projected
+
+    def _may_intersect(self, outline: BaseGeometry | None) -> bool:
+        """Return True where an outline, however broken, may intersect the area; an outline without a location counts."""
+        if self.area is None or outline is None or outline.is_empty or not np.isfinite(outline.bounds).all():
+            return True
+        return bool(shapely.box(*outline.bounds).intersects(self.area))
+
+
 def assemble_buildings(
     sources: Sequence[Footprints | BuildingModels], crs: CRS, *, area: Polygon | None, floor_height: float
 ) -> BlockBuildings:
@@ -90,35 +261,18 @@ def assemble_buildings(
     area : polygon in the frame that contains the representative points of the buildings; None for no limit.
     floor_height : metres; the height of a footprint is the stated one, else levels x floor_height, else assumed.
     """
-    reasons: dict[str, list[str]] = defaultdict(list)
-    faults: list[Fault] = []
-    found: list[_Candidate] = []
-    around: list[_Candidate] = []
-    textures: list[Path] = []
-    stated: dict[str, list[BaseGeometry]] = defaultdict(list)
+    assembly = _Assembly(crs, area)
     for source in _separate_solids(attach_parts(sources, crs)):
-        assert source.crs is not None, "the block gives a frame to every source"
-        places = _project([remark.geometry for remark in source.remarks], source.crs, crs)
-        for remark, place in zip(source.remarks, places, strict=True):
-            if _may_intersect(place, area):
-                reasons[remark.reason].append(remark.id)
-        places = _project([fault.place for fault in source.faults], source.crs, crs)
-        faults += [fault for fault, place in zip(source.faults, places, strict=True) if _may_intersect(place, area)]
-        if isinstance(source, BuildingModels):
-            candidates = _model_candidates(source, crs, area, len(textures), reasons, faults)
-            textures += source.textures
-        else:
-            candidates = _footprint_candidates(source, crs, area, around, reasons, faults)
-        found += _drop_duplicates(candidates, found, stated, reasons)
+        assembly.add_source(source)
 
-    found.sort(key=lambda candidate: natural_sort_key(candidate.building.id))
+    found = sorted(assembly.found, key=lambda candidate: natural_sort_key(candidate.building.id))
     whole = [candidate for candidate in found if candidate.is_whole]
     parts = [candidate for candidate in found if not candidate.is_whole]
-    buildings, known = _assume_heights(whole, [*around, *filter(_states_floor_height, parts)], floor_height)
+    buildings, known = _assume_heights(whole, [*assembly.around, *filter(_states_floor_height, parts)], floor_height)
     if parts:
-        buildings = _add_parts(buildings, found, parts, floor_height, reasons)
-    notes = format_reason_notes(reasons) + _note_assumed_heights(buildings, known)
-    return BlockBuildings(buildings, tuple(textures), notes, tuple(faults))
+        buildings = _add_parts(buildings, found, parts, floor_height, assembly.reasons)
+    notes = format_reason_notes(assembly.reasons) + _note_assumed_heights(buildings, known)
+    return BlockBuildings(buildings, tuple(assembly.textures), notes, tuple(assembly.faults))
 
 
 def _separate_solids(sources: Sequence[Footprints | BuildingModels]) -> Iterator[Footprints | BuildingModels]:
@@ -145,173 +299,25 @@ def _add_parts(
     stated = []
     for part in parts:
         assert part.footprint is not None
-        whole = wholes.get(id(part.whole_outline)) if part.whole_outline is not None else None
-        if part.whole_outline is not None and whole is None:
-            continue  # the whole building was dropped as a duplicate
-        more = whole.footprint if whole is not None else None
-        kind, built = (
-            part.footprint.use or (more.use if more else None),
-            part.footprint.year_built or (more.year_built if more else None),
-        )
-        merged = replace(part.footprint, use=kind, year_built=built)
-        stated.append(PartCandidate(part.building, merged, None if whole is None else whole.building.id))
+        if part.whole_outline is None:
+            stated.append(PartCandidate(part.building, part.footprint, None))
+            continue
+        whole = wholes.get(id(part.whole_outline))
+        if whole is not None and (more := whole.footprint):  # else dropped as a duplicate
+            kind, built = part.footprint.use or more.use, part.footprint.year_built or more.year_built
+            merged = replace(part.footprint, use=kind, year_built=built)
+            stated.append(PartCandidate(part.building, merged, whole.building.id))
     found_parts = split_buildings_into_parts(buildings, stated, floor_height, SITES.min_footprint_m2, reasons)
     return tuple(sorted(found_parts, key=lambda building: natural_sort_key(building.id)))
 
 
-def _footprint_candidates(
-    source: Footprints,
-    crs: CRS,
-    area: Polygon | None,
-    around: list[_Candidate],
-    reasons: dict[str, list[str]],
-    faults: list[Fault],
-) -> list[_Candidate]:
-    """Return the buildings of footprints in the area; `around` receives nearby ones of known height."""
-    pieces = _drop_repeated_outlines(_split_outlines(source, crs, area, reasons, faults), area, reasons)
-    candidates: list[_Candidate] = []
-    host_indices = host_outline_indices(
-        [outline for _, _, outline in pieces], [footprint.is_part for footprint, _, _ in pieces]
+def _is_duplicate(outline: BaseGeometry, earlier: Iterable[BaseGeometry], same_id: Iterable[BaseGeometry]) -> bool:
+    """Return True for an outline that an earlier one covers, or one of the same id overlaps."""
+    shared = max((outline.intersection(other).area for other in earlier), default=0.0)
+    return bool(shared > SITES.duplicate_share * outline.area) or any(
+        outline.intersection(other).area > SITES.max_neighbour_overlap * min(outline.area, other.area)
+        for other in same_id
     )
-    for (footprint, id, outline), host in zip(pieces, host_indices, strict=True):
-        whole = pieces[host][2] if host >= 0 else None
-        inside = area is None or area.contains((outline if whole is None else whole).representative_point())
-        levels = max(1, int(footprint.levels)) if footprint.levels else None
-        building = Building(id, outline, 0.0, "", levels, footprint.name, footprint.base, footprint.roof)
-        candidate = _Candidate(replace(building, finish=footprint.finish), footprint, whole)
-        if inside:
-            candidates.append(candidate)
-        elif _states_floor_height(candidate) and shapely.dwithin(area, outline, SITES.context_distance_m):
-            around.append(candidate)
-    return candidates
-
-
-def _split_outlines(
-    source: Footprints, crs: CRS, area: Polygon | None, reasons: dict[str, list[str]], faults: list[Fault]
-) -> list[tuple[Footprint, str, Polygon]]:
-    """Return each polygon of the footprints in the frame, with its id; broken outlines in the area become faults."""
-    assert source.crs is not None
-    pieces: list[tuple[Footprint, str, Polygon]] = []
-    outlines = _project([footprint.outline for footprint in source.items], source.crs, crs)
-    for footprint, stated in zip(source.items, outlines, strict=True):
-        try:
-            parts = _split_outline(footprint, stated, area, reasons)
-        except InputError as error:
-            if _may_intersect(stated, area):
-                faults.append(Fault(footprint.id, "building", str(error)))
-            continue
-        except Exception as error:  # an error of GEOS affects this outline only
-            if _may_intersect(stated, area):
-                faults.append(Fault(footprint.id, "building", fault_reason(error)))
-            continue
-        pieces += [
-            (footprint, footprint.id if len(parts) == 1 else f"{footprint.id}-{index}", part)
-            for index, part in enumerate(parts)
-        ]
-    return pieces
-
-
-def _split_outline(
-    footprint: Footprint, stated: BaseGeometry, area: Polygon | None, reasons: dict[str, list[str]]
-) -> list[Polygon]:
-    """Return the polygons of an outline that are large enough; InputError with its defect."""
-    smallest = SITES.min_part_m2 if footprint.is_part else SITES.min_footprint_m2
-    outline = _without_stray_holes(stated)
-    if outline is not stated and _may_intersect(outline, area):
-        reasons["holes outside their outlines ignored"].append(footprint.id)
-    if defect := _find_defect(outline):
-        raise InputError(defect)
-    large, small = _split_polygons(outline, smallest)
-    if not large and _may_intersect(outline, area):
-        what = "parts of buildings" if footprint.is_part else "footprints"
-        reason = f"{what} under {smallest:g} m2" if small else f"{what} that enclose no area"
-        reasons[f"{reason} set aside"].append(footprint.id)
-    if large and _may_intersect(outline, area) and shapely.is_valid_reason(outline).startswith("Self-intersection"):
-        reasons["outlines that cross themselves in a sliver repaired"].append(footprint.id)
-    return large
-
-
-def _drop_repeated_outlines(
-    pieces: list[tuple[Footprint, str, Polygon]], area: Polygon | None, reasons: dict[str, list[str]]
-) -> list[tuple[Footprint, str, Polygon]]:
-    """Return the pieces without those that repeat the outline and lower end of another; the highest is kept."""
-    kinds = [
-        (one.is_part, one.min_height, one.min_level, None if one.base is None else round(one.base))
-        for one, _, _ in pieces
-    ]
-    heights = [one.height or SITES.assumed_floor_m * (one.levels or 0.0) for one, _, _ in pieces]
-    repeated = find_repeated_outlines([outline for _, _, outline in pieces], kinds, heights).tolist()
-    reasons[REPEATED_REASON] += [
-        id for (_, id, outline), drop in zip(pieces, repeated, strict=True) if drop and _may_intersect(outline, area)
-    ]
-    return [piece for piece, drop in zip(pieces, repeated, strict=True) if not drop]
-
-
-def _model_candidates(
-    source: BuildingModels,
-    crs: CRS,
-    area: Polygon | None,
-    first_texture: int,
-    reasons: dict[str, list[str]],
-    faults: list[Fault],
-) -> list[_Candidate]:
-    candidates = []
-    for model, shell, outline in project_models(source, crs, first_texture):
-        if isinstance(outline, str):
-            faults.append(Fault(model.id, "building", outline))
-        elif area is not None and not area.contains(outline.representative_point()):
-            continue
-        elif outline.area < SITES.min_footprint_m2:
-            reasons[f"models that cover under {SITES.min_footprint_m2:g} m2 set aside"].append(model.id)
-        else:
-            low, high = float(shell.vertices[:, 2].min()), float(shell.vertices[:, 2].max())
-            base = model.base if model.base is not None and low - 2.0 <= model.base < high else low
-            levels = max(1, int(model.levels)) if model.levels else None
-            height = round(high - base, 2)
-            building = Building(model.id, outline, height, "model", levels, model.name, base, shell=shell)
-            building = replace(building, finish=model.finish)
-            candidates.append(_Candidate(building, None))
-    buildings = [one.building for one in candidates]
-    kinds = [(round(one.base or 0.0), round(one.height)) for one in buildings]
-    repeated = find_repeated_outlines([one.footprint for one in buildings], kinds, [0.0] * len(buildings)).tolist()
-    reasons[REPEATED_REASON] += [one.id for one, drop in zip(buildings, repeated, strict=True) if drop]
-    return [one for one, drop in zip(candidates, repeated, strict=True) if not drop]
-
-
-def _drop_duplicates(
-    candidates: list[_Candidate],
-    earlier: list[_Candidate],
-    stated: dict[str, list[BaseGeometry]],
-    reasons: dict[str, list[str]],
-) -> list[_Candidate]:
-    """Return the candidates that no earlier feature duplicates, each with a unique id.
-
-    stated: outlines so far by the id that their source gives them; updated.
-    """
-    used = {candidate.building.id for candidate in earlier}
-    taken = used | {candidate.building.id for candidate in candidates}
-    tree = shapely.STRtree([candidate.building.footprint for candidate in earlier])
-    kept = []
-    for candidate in candidates:
-        id, outline = candidate.building.id, candidate.building.footprint
-        others = [earlier[i].building.footprint for i in tree.query(outline, predicate="intersects")]
-        shared = max((outline.intersection(other).area for other in others), default=0.0)
-        if shared > SITES.duplicate_share * outline.area or any(_overlap(outline, other) for other in stated[id]):
-            reasons["buildings stated twice, the first kept"].append(id)
-            continue
-        stated[id].append(outline)
-        if id in used:
-            number = next(number for number in count(2) if f"{id}-{number}" not in taken)
-            taken.add(f"{id}-{number}")
-            candidate = replace(candidate, building=replace(candidate.building, id=f"{id}-{number}"))
-            reasons["buildings numbered since one elsewhere has their id"].append(candidate.building.id)
-        used.add(candidate.building.id)
-        kept.append(candidate)
-    return kept
-
-
-def _overlap(outline: BaseGeometry, other: BaseGeometry) -> bool:
-    return bool(outline.intersection(other).area > SITES.max_neighbour_overlap * min(outline.area, other.area))
 
 
 def _assume_heights(
@@ -375,22 +381,6 @@ def _stated_height(footprint: Footprint, floor_height: float) -> tuple[float | N
     if footprint.levels is not None:
         return round(footprint.levels * floor_height, 2), "levels"
     return None, "default"
-
-
-def _project(outlines: Sequence[BaseGeometry | None], source: str, crs: CRS) -> ObjectArray:
-    flat = np.empty(len(outlines), dtype=object)
-    flat[:] = outlines
-    projected: ObjectArray = shapely.transform(
-        shapely.force_2d(flat), coordinate_transform(source, crs), interleaved=False
-    )
-    return projected
-
-
-def _may_intersect(outline: BaseGeometry | None, area: Polygon | None) -> bool:
-    """Return True where an outline, however broken, may intersect the area; an outline without a location counts."""
-    if area is None or outline is None or outline.is_empty or not np.isfinite(outline.bounds).all():
-        return True
-    return bool(shapely.box(*outline.bounds).intersects(area))
 
 
 def _without_stray_holes(outline: BaseGeometry) -> BaseGeometry:

@@ -36,13 +36,8 @@ def cut_buried_feet(
     parts: dict[str, list[Building]] = defaultdict(list)
     for building in buildings:
         parts[building.whole_id].append(building)
-    foot: dict[str, float] = {}
-    for whole, members in parts.items():
-        if all(member.shell is None and not member.raised and not member.passages for member in members):
-            lowest = min(_lowest_ground(member, elevation) for member in members)
-            if all(_is_buried(member, lowest) for member in members):
-                foot[whole] = lowest
-    cut = [foot.get(building.whole_id) for building in buildings]
+    feet = {whole: _find_buried_foot(members, elevation) for whole, members in parts.items()}
+    cut = [feet[building.whole_id] for building in buildings]
     reason = "buildings that begin below their ground cut off at it"
     return (
         tuple(
@@ -55,6 +50,14 @@ def cut_buried_feet(
             {reason: [one.id for one, lowest in zip(buildings, cut, strict=True) if lowest is not None]}
         ),
     )
+
+
+def _find_buried_foot(members: Sequence[Building], elevation: ElevationRaster) -> float | None:
+    """Return the lowest ground around the parts of a building, None unless all of them begin below it."""
+    if any(member.shell is not None or member.raised or member.passages for member in members):
+        return None
+    lowest = min(_lowest_ground(member, elevation) for member in members)
+    return lowest if all(_is_buried(member, lowest) for member in members) else None
 
 
 def _lowest_ground(building: Building, elevation: ElevationRaster) -> float:

@@ -250,17 +250,26 @@ def _main_groups(places: BoxLocations, group: Int64Array, centrelines: Centrelin
     main = np.flatnonzero(counts > SITES.max_stray_share * counts.max(initial=0))
     if _diagonal(places.centre[np.isin(group, main)]) <= SITES.max_block_span_m:
         return main
-    if len(main) > 1 and centrelines is not None and centrelines.crs and centrelines.items:
-        streets = locate_boxes(centrelines.crs, centrelines.bounding_boxes())
-        near = [g for g in main if _is_near_any(places.centre[group == g], streets.centre[streets.location_mask])]
-        if near and _diagonal(places.centre[np.isin(group, near)]) <= SITES.max_block_span_m:
-            return np.array(near)
+    if len(main) > 1:
+        near = _groups_near_streets(places, group, main, centrelines)
+        if len(near) and _diagonal(places.centre[np.isin(group, near)]) <= SITES.max_block_span_m:
+            return near
     span = _diagonal(places.centre[np.isin(group, main)]) / 1000
     where = [f"{counts[g]} at {x:.4f}, {y:.4f}" for g in main[:3] for x, y in [places.mean_lonlat(group == g)]]
     raise InputError(
         f"the buildings span {span:,.0f} km ({'; '.join(where)}), and a block up to {SITES.max_block_span_m / 1000:g} km; "
         "give area, or mend the coordinates of those elsewhere"
     )
+
+
+def _groups_near_streets(
+    places: BoxLocations, group: Int64Array, main: Int64Array, centrelines: CentrelinesAndGround | None
+) -> Int64Array:
+    if centrelines is None or not centrelines.crs or not centrelines.items:
+        return main[:0]
+    streets = locate_boxes(centrelines.crs, centrelines.bounding_boxes())
+    centres = streets.centre[streets.location_mask]
+    return main[[_is_near_any(places.centre[group == one], centres) for one in main]]
 
 
 def _is_near_any(points: Float64Array, others: Float64Array) -> bool:

@@ -48,17 +48,25 @@ def attach_parts(sources: Sequence[Footprints | BuildingModels], crs: CRS) -> tu
     parts = [one for one in entries if one.item.whole_id or one.item.is_part]
     wholes = [one for one in entries if _is_whole(one)]
     hosts = _find_hosts(parts, wholes, sources, crs)
-    result = list(sources)
-    for number in {entry.source for entry in entries}:
-        own = [one for one in entries if one.source == number]
-        source = sources[number]
-        assert isinstance(source, Footprints)
-        moved = [_move_to_frame(one, sources, source) for one in parts if hosts.get(one.place, (-1,))[0] == number]
-        kept = [one.item for one in own if one.place not in hosts]
-        result[number] = replace(
-            source, items=(*kept, *moved), remarks=(*source.remarks, *_note_missing_parts(own, hosts))
-        )
-    return tuple(result)
+    return tuple(
+        _exchange_parts(number, source, sources, entries, hosts) if isinstance(source, Footprints) else source
+        for number, source in enumerate(sources)
+    )
+
+
+def _exchange_parts(
+    number: int,
+    source: Footprints,
+    sources: Sequence[Footprints | BuildingModels],
+    entries: Sequence[_Entry],
+    hosts: Mapping[tuple[int, int], tuple[int, int]],
+) -> Footprints:
+    """Return a source with the parts of its buildings, and without those of others."""
+    own = [one for one in entries if one.source == number]
+    moved = [_move_to_frame(one, sources, source) for one in entries if hosts.get(one.place, (-1,))[0] == number]
+    kept = [one.item for one in own if one.place not in hosts]
+    remarks = (*source.remarks, *_note_missing_parts(own, hosts))
+    return replace(source, items=(*kept, *moved), remarks=remarks)
 
 
 def _list_entries(sources: Sequence[Footprints | BuildingModels]) -> list[_Entry]:
@@ -96,12 +104,16 @@ def _find_hosts(
         if place is None or place.is_empty:
             continue
         around = [wholes[index] for index in sorted(tree.query(place, predicate="within").tolist())]
-        around = [one for one in around if one.place != part.place]
-        named = [one for one in around if one.item.id == part.item.whole_id]
-        own = [one for one in around if one.source == part.source]
-        if chosen := named or ((own or around) if part.item.is_part else []):
-            hosts[part.place] = chosen[0].place
+        if host := _choose_host(part, [one for one in around if one.place != part.place]):
+            hosts[part.place] = host.place
     return hosts
+
+
+def _choose_host(part: _Entry, around: Sequence[_Entry]) -> _Entry | None:
+    """Return the building that a part names, else for a tagged part one of its source, else any around it."""
+    named = [one for one in around if one.item.id == part.item.whole_id]
+    own = [one for one in around if one.source == part.source]
+    return next(iter(named or ((own or around) if part.item.is_part else [])), None)
 
 
 def _outlines_in_frame(

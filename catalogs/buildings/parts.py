@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 import shapely
@@ -44,13 +45,11 @@ def host_outline_indices(outlines: Sequence[Polygon], is_part: Sequence[bool]) -
     is_part : (n,) flags.
     """
     found = np.full(len(outlines), -1)
-    area = shapely.area(np.asarray(outlines, object)) if len(outlines) else np.empty(0)
+    area = shapely.area(np.asarray(outlines, object))
     parts = np.flatnonzero(is_part)
     whole = np.flatnonzero(~np.asarray(is_part, bool))
     for among in (whole, parts):
         left = parts[found[parts] < 0]
-        if not len(among) or not len(left):
-            continue
         tree = shapely.STRtree([outlines[i] for i in among.tolist()])
         for one in left.tolist():
             near = among[tree.query(outlines[one], predicate="intersects")]
@@ -98,8 +97,8 @@ def split_buildings_into_parts(
         known = {one.building.id: one.footprint for one in mine}
         raised = [one for part in mine for one in _extrude_part(part, whole, floor_height, reasons)]
         found += _split_building(whole, raised, known, floor_height, min_area, reasons) if raised else [whole]
-    for left in own.values():  # parts of buildings that were set aside
-        found += [one for part in left for one in _extrude_part(part, None, floor_height, reasons)]
+    for part in chain.from_iterable(own.values()):  # parts of buildings that were set aside
+        found += _extrude_part(part, None, floor_height, reasons)
     return found
 
 
@@ -108,7 +107,8 @@ def _extrude_part(
 ) -> list[Building]:
     """Return a part from its lower end to its eaves; an empty list where it has no height."""
     building, stated = part.building, part.footprint
-    low = stated.min_height or round((stated.min_level or 0.0) * floor_height, 2)
+    levels_below = stated.min_level or 0.0
+    low = stated.min_height or round(levels_below * floor_height, 2)
     height, source = _part_height(stated, whole, low + floor_height, floor_height)
     lowest, roof = low + PARTS.min_part_wall_m, building.roof
     if height < lowest and roof is not None and roof.height > 0:
@@ -117,20 +117,28 @@ def _extrude_part(
     if height < lowest:
         reasons["parts of buildings that end no higher than they begin set aside"].append(building.id)
         return []
-    levels = max(1, int(stated.levels - (stated.min_level or 0.0))) if stated.levels else None
+    levels = whole_levels(stated.levels, levels_below)
     extruded = replace(building, height=round(height, 2), height_source=source, levels=levels, roof=roof, raised=low)
     if whole is None:
         flat = Roof("flat", 0.0, confidence=PARTS.flat_roof_confidence)
         return [replace(extruded, roof=roof or flat, part_of=None)]
-    return [
-        replace(
-            extruded,
-            name=building.name or whole.name,
-            finish=_complete_finish(building.finish, whole.finish),
-            base=whole.base if building.base is None else building.base,
-            part_of=whole.id,
-        )
-    ]
+    return [_inherit(extruded, whole)]
+
+
+def whole_levels(levels: float | None, below: float = 0.0) -> int | None:
+    """Return the number of floors from stated levels without those below; None where none are stated."""
+    return max(1, int(levels - below)) if levels else None
+
+
+def _inherit(part: Building, whole: Building) -> Building:
+    """Return a part with what its building states in its place."""
+    return replace(
+        part,
+        name=part.name or whole.name,
+        finish=_complete_finish(part.finish, whole.finish),
+        base=whole.base if part.base is None else part.base,
+        part_of=whole.id,
+    )
 
 
 def _part_height(stated: Footprint, whole: Building | None, lowest: float, floor_height: float) -> tuple[float, str]:
@@ -171,10 +179,8 @@ def _split_building(
         if not pieces and one.id != whole.id:
             reasons["parts of buildings inside of others left out"].append(one.id)
         if pieces and one.roof is None:
-            others = [other for other in levels if other.id != one.id]
-            one = _add_part_roof(
-                replace(one, footprint=max(pieces, key=lambda piece: piece.area)), footprints[one.id], others
-            )
+            largest = max(pieces, key=lambda piece: piece.area)
+            one = _add_part_roof(replace(one, footprint=largest), footprints[one.id], levels)
         for number, piece in enumerate(pieces):
             id = one.id if len(pieces) == 1 else f"{one.id}-{number}"
             found.append(replace(one, id=id, footprint=piece, part_of=whole.id if id != whole.id else None))
@@ -274,9 +280,10 @@ def _clean_polygons(left: BaseGeometry, min_area: float) -> list[Polygon]:
     )
 
 
-def _add_part_roof(part: Building, footprint: Footprint, others: Sequence[Building]) -> Building:
+def _add_part_roof(part: Building, footprint: Footprint, levels: Sequence[Building]) -> Building:
     """Return a part with an assumed roof; flat below other parts or over low walls."""
-    above = [one.footprint for one in others if one.raised >= part.height - PARTS.min_part_wall_m]
+    lowest = part.height - PARTS.min_part_wall_m
+    above = [one.footprint for one in levels if one.id != part.id and one.raised >= lowest]
     if not any(part.footprint.intersection(one).area > PARTS.max_overlap_m2 for one in above):
         found = add_assumed_roof(part, footprint, attached=True)
         if found.height >= part.raised + ROOFS.min_wall_m:

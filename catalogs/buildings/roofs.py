@@ -145,20 +145,29 @@ class _RoofSite:
     def roof_by_use(self, use: str, year: int) -> Roof | None:
         """Return the roof of a use or a size that leave no choice; None for houses of a street."""
         church = (ROOFS.church_pitch_deg, ROOFS.church_pitch_deg)
-        is_shed = self.area < ROOFS.max_shed_area_m2 or self.half_depth < ROOFS.max_shed_half_depth_m
-        is_large = self.half_depth > ROOFS.max_pitched_half_depth_m or self.height > ROOFS.max_pitched_height_m
-        is_hall = self.height < 2 * ROOFS.min_wall_m and self.area > ROOFS.min_hall_area_m2
         if self.stated_rise == 0 or use in FLAT_ROOF_USES:
             return Roof("flat", 0.0, confidence=0.8)
         if use in CHURCH_USES:
             return self.slope("gabled", church, 0.6, ROOFS.max_church_roof_m)
-        if use in SHED_USES or is_shed:
+        if use in SHED_USES or self._is_shed:
             rise = min(2 * self.half_depth * math.tan(math.radians(ROOFS.shed_pitch_deg)), ROOFS.max_shed_roof_m)
-            is_sloped = self.chance[0] < 0.5
-            return Roof("skillion" if is_sloped else "flat", round(rise, 2) if is_sloped else 0.0, confidence=0.4)
-        if year >= ROOFS.flat_roof_since_year or is_large:
+            skillion = Roof("skillion", round(rise, 2), confidence=0.4)
+            return skillion if self.chance[0] < 0.5 else Roof("flat", 0.0, confidence=0.4)
+        if year >= ROOFS.flat_roof_since_year or self._is_large:
             return Roof("flat", 0.0, confidence=0.6)
-        return Roof("flat", 0.0, confidence=0.5) if is_hall else None
+        return Roof("flat", 0.0, confidence=0.5) if self._is_hall else None
+
+    @property
+    def _is_shed(self) -> bool:
+        return self.area < ROOFS.max_shed_area_m2 or self.half_depth < ROOFS.max_shed_half_depth_m
+
+    @property
+    def _is_hall(self) -> bool:
+        return self.height < 2 * ROOFS.min_wall_m and self.area > ROOFS.min_hall_area_m2
+
+    @property
+    def _is_large(self) -> bool:
+        return self.half_depth > ROOFS.max_pitched_half_depth_m or self.height > ROOFS.max_pitched_height_m
 
     def roof_of_row(self) -> Roof:
         """Return the roof of a house, or of a building in a row along a street."""

@@ -7,7 +7,7 @@ here is a function of location, so a local change leaves blocks elsewhere unchan
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import shapely
@@ -72,13 +72,17 @@ def partition_city(
         cuts.append(
             CityPartIds(
                 "x{}y{}".format(*square),
-                tuple(buildings[i].id for i in core),
-                tuple(segments[i].id for i in ways),
-                tuple(buildings[i].id for i in nearby_buildings.tolist()),
-                tuple(segments[i].id for i in nearby_streets.tolist()),
+                _ids(buildings, core),
+                _ids(segments, ways),
+                _ids(buildings, nearby_buildings.tolist()),
+                _ids(segments, nearby_streets.tolist()),
             )
         )
     return tuple(cuts)
+
+
+def _ids(items: Sequence[Building | Street], indices: Iterable[int]) -> tuple[str, ...]:
+    return tuple(items[index].id for index in indices)
 
 
 def _building_cells(buildings: Sequence[Building], segments: Sequence[Street], block_size: float) -> list[GridCell]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import unquote, urlparse
 
 from catalogs.crs import LONLAT
-from catalogs.reader_errors import short_message
+from catalogs.reader_errors import wrap_reader_errors
 from catalogs.readers import gdal_files
 from catalogs.readers.json_text import load_json, parse_json
 from facade_core.core.errors import InputError
@@ -87,7 +87,7 @@ def _stac_tiles(index: Path) -> Iterator[tuple[Path, LonLatBox | None]]:
             return text.decode("utf-8-sig")
 
     reader = OnThisMachine()
-    try:
+    with wrap_reader_errors(index, "cannot be read as STAC", "mend it"):
         content = load_json(index, MAX_TEXT_BYTES)
         if isinstance(content, dict) and "features" in content:
             items = list(pystac.ItemCollection.from_file(str(index), stac_io=reader))
@@ -95,10 +95,6 @@ def _stac_tiles(index: Path) -> Iterator[tuple[Path, LonLatBox | None]]:
             root = pystac.read_file(str(index), stac_io=reader)
             assert isinstance(root, pystac.Catalog | pystac.Item)
             items = list(root.get_items(recursive=True)) if isinstance(root, pystac.Catalog) else [root]
-    except InputError:
-        raise
-    except Exception as error:  # pystac raises errors of any kind for invalid JSON content
-        raise InputError(f"{index} cannot be read as STAC ({short_message(error)}); mend it") from error
     for item in items:
         href = _data_asset(item, index).get_absolute_href() or _data_asset(item, index).href
         box = tuple(item.bbox) if item.bbox else None
@@ -124,15 +120,9 @@ def _table_tiles(index: Path) -> Iterator[tuple[Path, LonLatBox | None]]:
     """Read the tiles of a table of outlines."""
     import geopandas as gpd
 
-    try:
+    with wrap_reader_errors(index, "cannot be read as an index of tiles", "give STAC or GeoParquet"):
         parquet = index.suffix.lower() in (".parquet", ".geoparquet")
         table = gpd.read_parquet(index) if parquet else _read_outlines(index)
-    except InputError:
-        raise
-    except Exception as error:  # libraries raise errors of any kind for damaged files
-        raise InputError(
-            f"{index} cannot be read as an index of tiles ({short_message(error)}); give STAC or GeoParquet"
-        ) from error
     column = next((name for name in LOCATION_COLUMNS if name in table.columns), None)
     if column is None:
         raise InputError(f"{index} has no column that names the tiles' files; call it {LOCATION_COLUMNS[0]}")

@@ -145,14 +145,8 @@ class _PanoramaFetcher:
         Returns why it is rejected, or None. Raises RequestRejected, ServiceUnavailable and InputError for problems that a
         later run may not have.
         """
-        there = next(
-            (
-                path
-                for path in (self.fetch_log.folder / f"{stem}{s}" for s in _SUFFIX_BY_FORMAT.values())
-                if path.is_file()
-            ),
-            None,
-        )
+        paths = (self.fetch_log.folder / f"{stem}{suffix}" for suffix in _SUFFIX_BY_FORMAT.values())
+        there = next(filter(Path.is_file, paths), None)
         if there is not None:
             os.replace(there, part)
         try:

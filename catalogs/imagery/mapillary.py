@@ -15,6 +15,7 @@ from catalogs.imagery.remote_panorama import (
     PanoramaQuery,
     RemotePanorama,
     finite_float_or_none,
+    image_size,
     panorama_fault,
     parse_geojson_pose,
     resolve_licence,
@@ -130,7 +131,7 @@ def _parse_record(record: JsonObject) -> RemotePanorama | Fault | None:
     if record.get("is_pano") is False or kind in ("perspective", "brown"):
         return None
     try:
-        if kind and kind not in _FULL_SPHERE_TYPES:
+        if kind not in ("", *_FULL_SPHERE_TYPES):
             raise ValueError(f"is a {kind} picture said to be a panorama; leave it out")
         url = record.get("thumb_original_url")
         if not identifier or not isinstance(url, str):
@@ -143,7 +144,6 @@ def _parse_record(record: JsonObject) -> RemotePanorama | Fault | None:
         rights = resolve_licence(LICENCE, LICENCE_URL, None)
     except (ValueError, TypeError) as error:
         return panorama_fault(identifier, short_message(error))
-    down, across = finite_float_or_none(record.get("height")), finite_float_or_none(record.get("width"))
     return RemotePanorama(
         identifier,
         url,
@@ -152,5 +152,5 @@ def _parse_record(record: JsonObject) -> RemotePanorama | Fault | None:
         author=_author(record.get("creator")),
         licence=rights,
         licence_url=LICENCE_URL,
-        size=(int(down), int(across)) if down and across else None,
+        size=image_size([record.get("width"), record.get("height")]),
     )

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from catalogs.crs import LONLAT
 from catalogs.features import Fault
 from catalogs.reader_errors import to_single_line
-from catalogs.readers.pictures.source_poses import SourcePose, find_implausible_value, parse_iso_date
+from catalogs.readers.pictures.source_poses import SourcePose, find_implausible_value, is_on_earth, parse_iso_date
 from facade_core.core.errors import InputError
 
 # West, south, east, north in degrees.
@@ -99,6 +99,14 @@ def finite_float_or_none(value: object) -> float | None:
     return number if math.isfinite(number) else None
 
 
+def image_size(dimensions: object) -> tuple[int, int] | None:
+    """Return (rows, columns) from [columns, rows]; None for anything else."""
+    found = [finite_float_or_none(value) for value in dimensions] if isinstance(dimensions, list) else []
+    if len(found) != 2 or not found[0] or not found[1]:
+        return None
+    return int(found[1]), int(found[0])
+
+
 def parse_geojson_pose(geometry: object, heading: object, pitch: object = None, roll: object = None) -> SourcePose:
     """Parse a GeoJSON point and angles in degrees into a pose.
 
@@ -107,17 +115,13 @@ def parse_geojson_pose(geometry: object, heading: object, pitch: object = None, 
     ValueError : names the missing or invalid value, with the remedy.
     """
     point = geometry.get("coordinates") if isinstance(geometry, Mapping) else None
-    lon, lat = (
-        [finite_float_or_none(value) for value in point[:2]]
-        if isinstance(point, list) and len(point) >= 2
-        else (None, None)
-    )
+    lon, lat = (*map(finite_float_or_none, point[:2] if isinstance(point, list) else ()), None, None)[:2]
     if lon is None or lat is None:
         raise ValueError(f"states no place; {_MANUAL_POSE_REMEDY}")
     looks = finite_float_or_none(heading)
     if looks is None:
         raise ValueError(f"states a place but no heading; {_MANUAL_POSE_REMEDY}")
-    if not (abs(lon) <= 360.0 and abs(lat) <= 90.0):
+    if not is_on_earth(lon, lat):
         raise ValueError(f"states longitude {lon:g}, latitude {lat:g}, which is no place on earth; tell its service")
     pose = SourcePose(
         LONLAT, lon, lat, None, looks, finite_float_or_none(pitch) or 0.0, finite_float_or_none(roll) or 0.0

@@ -113,11 +113,8 @@ def _folder_service(folder: Path, poses: Path | None) -> ImageryService:
         found = read_panoramas(folder, poses or _default_poses_file(folder), frame)
         yield from found.faults
         # author and licence of pictures that were fetched before
-        fetched = (
-            {picture.file: picture for picture in read_fetch_log(folder).pictures.values()}
-            if has_fetch_log(folder)
-            else {}
-        )
+        pictures = read_fetch_log(folder).pictures.values() if has_fetch_log(folder) else ()
+        fetched = {picture.file: picture for picture in pictures}
         west, south, east, north = wanted.box
         for picture in found.items:
             pose = picture.pose
@@ -126,14 +123,15 @@ def _folder_service(folder: Path, poses: Path | None) -> ImageryService:
             if west <= place.x <= east and south <= place.y <= north:
                 lonlat_pose = SourcePose(LONLAT, place.x, place.y, pose.z, place.heading, pose.pitch, pose.roll)
                 before = fetched.get(picture.path.name)
+                rights = (before.author, before.licence, before.licence_url) if before else (None, None, None)
                 yield RemotePanorama(
                     picture.id,
                     str(picture.path),
                     lonlat_pose,
                     captured=picture.captured,
-                    author=before.author if before else None,
-                    licence=(before.licence if before else None) or wanted.licence,
-                    licence_url=before.licence_url if before else None,
+                    author=rights[0],
+                    licence=rights[1] or wanted.licence,
+                    licence_url=rights[2],
                 )
 
     return ImageryService(str(folder.resolve()), search, _copy_picture)  # distinguishes folders of the same name

@@ -19,12 +19,14 @@ from catalogs.imagery.remote_panorama import (
     PanoramaQuery,
     RemotePanorama,
     finite_float_or_none,
+    image_size,
     panorama_fault,
     parse_geojson_pose,
     resolve_licence,
 )
 from catalogs.imagery.settings import SERVICES
 from catalogs.reader_errors import fault_reason, is_system_error, short_message
+from catalogs.readers.cityjson.values import mapping_or_empty
 from catalogs.readers.pictures.source_poses import parse_iso_date
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
@@ -95,10 +97,8 @@ def _parse_item(item: JsonObject | Fault, licence: str | None) -> RemotePanorama
 
 def _parse_panorama(identifier: str, item: JsonObject, licence: str | None) -> RemotePanorama | None:
     """Parse an item; None if the picture is no panorama. Raises ValueError with the remedy if it cannot be used."""
-    properties = item.get("properties")
-    properties = properties if isinstance(properties, dict) else {}
-    inner = properties.get("pers:interior_orientation")
-    inner = inner if isinstance(inner, dict) else {}
+    properties = mapping_or_empty(item.get("properties"))
+    inner = mapping_or_empty(properties.get("pers:interior_orientation"))
     if (finite_float_or_none(inner.get("field_of_view")) or 0.0) < FULL_TURN_DEG:
         return None
     asset = _picture_asset(item.get("assets"))
@@ -118,7 +118,7 @@ def _parse_panorama(identifier: str, item: JsonObject, licence: str | None) -> R
         author=_provider_names(item, properties),
         licence=rights,
         licence_url=text,
-        size=_image_size(inner.get("sensor_array_dimensions")),
+        size=image_size(inner.get("sensor_array_dimensions")),
         sha256=_checksum_sha256(asset.get("file:checksum")),
     )
 
@@ -137,24 +137,19 @@ def _parse_heading(properties: JsonObject) -> object:
     return exact if abs((exact - stated + 180.0) % 360.0 - 180.0) <= 0.5 else heading
 
 
-def _image_size(dimensions: object) -> tuple[int, int] | None:
-    """Return (rows, columns) from [columns, rows]."""
-    found = [finite_float_or_none(value) for value in dimensions] if isinstance(dimensions, list) else []
-    if len(found) != 2 or not found[0] or not found[1]:
-        return None
-    return int(found[1]), int(found[0])
-
-
 def _picture_asset(assets: object) -> JsonObject:
     """Return the asset of the picture at full size. Raises ValueError if there is none."""
-    all_of = assets.items() if isinstance(assets, Mapping) else ()
-    named = [(name, asset) for name, asset in all_of if isinstance(asset, dict) and asset.get("href")]
-    pictures = [(n, a) for n, a in named if str(a.get("type", "image/")).startswith("image/")]
-    of_data = [(n, a) for n, a in pictures if "data" in (a.get("roles") or ())] or pictures
-    jpeg = [(n, a) for n, a in of_data if a.get("type") == "image/jpeg"] or of_data
-    if not jpeg:
+    named = [(name, asset) for name, asset in mapping_or_empty(assets).items() if mapping_or_empty(asset).get("href")]
+    pictures = [(name, asset) for name, asset in named if str(asset.get("type", "image/")).startswith("image/")]
+    if not pictures:
         raise ValueError("names no picture; tell its service")
-    return min(jpeg, key=lambda one: _asset_rank(one[0]))[1]
+    best: JsonObject = min(pictures, key=lambda one: _asset_preference(*one))[1]
+    return best
+
+
+def _asset_preference(name: str, asset: JsonObject) -> tuple[object, ...]:
+    """Return a key that is least for the best asset: of the role data, JPEG, of the best name."""
+    return "data" not in (asset.get("roles") or ()), asset.get("type") != "image/jpeg", _asset_rank(name)
 
 
 def _asset_rank(name: str) -> tuple[int, str]:

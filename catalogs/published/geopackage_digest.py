@@ -14,9 +14,7 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from catalogs.reader_errors import short_message
-from catalogs.readers.geopackage_tables import check_geopackage_tables, sqlite_open_mode
-from facade_core.core.errors import InputError
+from catalogs.readers.geopackage_tables import check_geopackage_tables, open_geopackage
 from facade_core.core.regular_files import require_regular
 
 STAMP_URI = "urn:streetloom:export"
@@ -93,9 +91,5 @@ def _open(path: Path) -> Iterator[sqlite3.Connection]:
     """Open a GeoPackage of tables alone for reading."""
     require_regular(path)
     check_geopackage_tables(path)
-    try:
-        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?{sqlite_open_mode(path)}", uri=True)) as file:
-            file.execute("PRAGMA trusted_schema = OFF")
-            yield file
-    except sqlite3.Error as error:
-        raise InputError(f"{path} cannot be read as a GeoPackage ({short_message(error)}); export it again") from error
+    with open_geopackage(path) as file:
+        yield file

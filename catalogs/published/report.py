@@ -278,7 +278,7 @@ def _change_entry(
     Tenths are None where the facade is hidden.
     """
     own = sheets.get(row["id"], ())
-    now = [name for name, _ in own if name.endswith(("-rectified.webp", "-hidden.webp"))] or [name for name, _ in own]
+    now = sorted((name for name, _ in own), key=lambda name: not name.endswith(("-rectified.webp", "-hidden.webp")))
     cells = record.get("change_map", [])
     return {
         "row": row,

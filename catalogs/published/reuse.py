@@ -54,16 +54,19 @@ class SnapshotFileWriter:
             return False
         source, (size, digest) = join_path(self.earlier, path), self._earlier_files[path]
         try:
-            if not isinstance(source, Path):
+            if isinstance(source, Path):
+                is_equal = _has_content(source, size, digest if self.verify_digests else None)
+                if is_equal:
+                    os.link(source, target)
+            else:
                 target.write_bytes(source.read_bytes())
-                if target.stat().st_size != size or file_content_digest(target) != digest:
-                    return False
-                self.linked[path] = (size, digest)
-                return True
-            if source.stat().st_size != size or (self.verify_digests and file_content_digest(source) != digest):
-                return False
-            os.link(source, target)
+                is_equal = _has_content(target, size, digest)
         except OSError:  # missing, or no support for links: the file is written instead
             return False
-        self.linked[path] = (size, digest)
-        return True
+        if is_equal:
+            self.linked[path] = (size, digest)
+        return is_equal
+
+
+def _has_content(file: Path, size: int, digest: str | None) -> bool:
+    return file.stat().st_size == size and (digest is None or file_content_digest(file) == digest)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import compress
+from operator import not_
 from typing import Generic, cast
 
 from catalogs.features import natural_sort_key
@@ -78,12 +80,8 @@ def find_runs_with_store(folder: F) -> dict[str, F]:
     waiting = _subfolders(folder) if folder.is_dir() else []
     while waiting:
         with_store = map_concurrently(lambda one: (one / "store").is_dir(), waiting, folder)
-        found |= {
-            str(one)[len(str(folder)) :].strip("/"): one
-            for one, is_run in zip(waiting, with_store, strict=True)
-            if is_run
-        }
-        without = [one for one, is_run in zip(waiting, with_store, strict=True) if not is_run]
+        found |= {str(one)[len(str(folder)) :].strip("/"): one for one in compress(waiting, with_store)}
+        without = compress(waiting, map(not_, with_store))
         waiting = [child for one in without if one.parent == folder for child in _subfolders(one)]
     return dict(sorted(found.items(), key=lambda one: natural_sort_key(one[0])))
 

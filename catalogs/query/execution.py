@@ -178,11 +178,9 @@ def _match_merged_files(
     """Return the merged files with their outdated runs, and the runs that must be read themselves."""
     files: MergedFiles = []
     found = read_merged_items_headers(out)
-    joined_at_all = {name for joined in found for name in joined.runs}
+    joined_at_all = set().union(*(joined.runs for joined in found))
     asked = [run for run in runs if run.name in joined_at_all]
-    now = dict(
-        zip([run.name for run in asked], map_concurrently(lambda run: _current_id(run.folder), asked, out), strict=True)
-    )
+    now = dict(map_concurrently(lambda run: (run.name, _current_id(run.folder)), asked, out))
     covered: set[str] = set()
     for joined in found:
         valid = {name for name, snapshot in joined.runs.items() if now.get(name) == snapshot} - covered

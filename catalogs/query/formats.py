@@ -125,7 +125,7 @@ def _format_table(items: pd.DataFrame, asked: Sequence[str]) -> str:
         return "  ".join(c.ljust(w) if name in text else c.rjust(w) for name, c, w in parts).rstrip()
 
     kinds = Counter(items["kind"]) if "kind" in items else {"facade": len(rows)}
-    count = ", ".join(f"{n} {kind}{'s' if n != 1 else ''}" for kind, n in kinds.items())
+    count = ", ".join(f"{number} {kind}{'s' * (number != 1)}" for kind, number in kinds.items())
     return "\n".join(
         [format_line(head), format_line(["-" * width for width in widths]), *map(format_line, rows), count]
     )

@@ -188,9 +188,7 @@ def _check_boolean(condition: JsonObject, where: str) -> None:
             )
         elif kind == "CONSTANT" and not _is_truth(part):
             raise condition_error(where, "a value alone is no condition", 'give one such as "floors >= 5"')
-        elif kind == "FUNCTION" and not (
-            part["function_name"].lower() in _BOOLEAN_FUNCTIONS or part["function_name"] in _LIKE_OPERATORS
-        ):
+        elif kind == "FUNCTION" and part["function_name"].lower() not in _BOOLEAN_FUNCTIONS.union(_LIKE_OPERATORS):
             problem = f"what {part['function_name']} gives is no condition"
             raise condition_error(where, problem, 'compare it with a value, such as "length(street) > 8"')
 
@@ -202,6 +200,19 @@ def _is_truth(constant: JsonObject) -> bool:
     return bool(constant["value"]["is_null"]) or constant["value"]["type"]["id"] == "BOOLEAN"
 
 
+def _check_function(part: JsonObject, where: str) -> None:
+    name = part["function_name"].lower()
+    operators = _ARITHMETIC_OPERATORS.union(_LIKE_OPERATORS) if part.get("is_operator") else ()
+    if (name in ALLOWED_FUNCTIONS or name in operators) and not any(map(part.get, _QUALIFIERS)):
+        return
+    what, allowed = "operator", ["=", "<>", "<", "<=", ">", ">=", *sorted(_ARITHMETIC_OPERATORS)]
+    if name.isidentifier():
+        what, allowed = "function", [*ALLOWED_FUNCTIONS]
+    raise condition_error(
+        where, f"{what} {name} is not allowed here", f"allowed are {', '.join(allowed)}, LIKE and ILIKE"
+    )
+
+
 def _check_expression(part: JsonObject, where: str, columns: Sequence[str]) -> None:
     kind = part["class"]
     if kind == "COLUMN_REF":
@@ -209,20 +220,7 @@ def _check_expression(part: JsonObject, where: str, columns: Sequence[str]) -> N
         if name.lower() not in columns:
             raise condition_error(where, f"unknown column {name}", _suggest_column(name, columns))
     elif kind == "FUNCTION":
-        name = part["function_name"].lower()
-        known = name in ALLOWED_FUNCTIONS or (
-            part.get("is_operator") and (name in _ARITHMETIC_OPERATORS or name in _LIKE_OPERATORS)
-        )
-        if not known or any(part.get(qualifier) for qualifier in _QUALIFIERS):
-            what = "function" if name.isidentifier() else "operator"
-            allowed = (
-                ALLOWED_FUNCTIONS
-                if what == "function"
-                else ["=", "<>", "<", "<=", ">", ">=", *sorted(_ARITHMETIC_OPERATORS)]
-            )
-            raise condition_error(
-                where, f"{what} {name} is not allowed here", f"allowed are {', '.join(allowed)}, LIKE and ILIKE"
-            )
+        _check_function(part, where)
     elif kind not in _PLAIN_CLASSES and not (kind == "OPERATOR" and part["type"] in _OPERATOR_TYPES):
         name = part["type"].lower().replace("_", " ")
         raise condition_error(

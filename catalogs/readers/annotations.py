@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
 from catalogs.features import safe_file_stem
-from catalogs.reader_errors import short_message, wrap_reader_errors
+from catalogs.reader_errors import wrap_reader_errors
 from catalogs.readers import gdal_files
 from catalogs.readers.json_text import load_json, parse_json_object
 from facade_core.core.errors import InputError
@@ -93,14 +94,12 @@ def _read_file(path: Path, facades: dict[str, str]) -> list[Annotation]:
         files = sorted(file for file in path.glob("*.json") if file.name not in ("export.json", ".export.json"))
         if not files:
             raise InputError(f"{path} holds no .json of COCO or LabelMe; give the folder that an export wrote")
-        return [annotation for file in files for annotation in read_correction_annotations(file, facades)]
+        return list(chain.from_iterable(read_correction_annotations(file, facades) for file in files))
     if path.suffix.lower() == ".gpkg":
         return _read_geopackage(path)
     with wrap_reader_errors(path, "cannot be understood", "export it again"):
         if path.suffix.lower() == ".jsonl":
-            lines = enumerate(read_regular(path).split(b"\n"), 1)
-            documents = (parse_json_object(line, f"{path}: line {number}") for number, line in lines if line.strip())
-            return [annotation for document in documents for annotation in _parse_cityjson(document)]
+            return list(chain.from_iterable(map(_parse_cityjson, _read_json_lines(path))))
         document = load_json(path, MAX_TEXT_BYTES)
         if isinstance(document, dict) and (found := _parse_document(document, facades, str(path))) is not None:
             return found
@@ -130,12 +129,8 @@ def parse_correction_annotations(corrections: Sequence[object], source_name: str
     InputError
         One line that begins with `source_name`.
     """
-    try:
+    with wrap_reader_errors(source_name, "cannot be understood", "catalogs/README.md shows what can be"):
         return [annotation for one in corrections for annotation in _parse_correction(one)]
-    except (TypeError, ValueError, AttributeError) as error:
-        raise InputError(
-            f"{source_name} cannot be understood ({short_message(error)}); catalogs/README.md shows what can be"
-        ) from error
 
 
 def _parse_coco(document: JsonObject, facades: dict[str, str]) -> list[Annotation]:
@@ -182,6 +177,12 @@ def _parse_correction(one: object) -> Iterator[Annotation]:
             yield id, what, value
 
 
+def _read_json_lines(path: Path) -> Iterator[JsonObject]:
+    for number, line in enumerate(read_regular(path).split(b"\n"), 1):
+        if line.strip():
+            yield parse_json_object(line, f"{path}: line {number}")
+
+
 def _read_geopackage(path: Path) -> list[Annotation]:
     """Return the annotations of the tables `buildings` and `facades`; missing tables and columns have none."""
     facade_columns = {IS_FACADE_COLUMN: "facade"}
@@ -197,17 +198,21 @@ def _read_geopackage(path: Path) -> list[Annotation]:
                 continue
             known = True
             for row in table.to_dict("records"):
-                cells = {name: value for name, value in row.items() if value == value}  # empty numeric cells are NaN
-                if cells.get(IS_FACADE_COLUMN) in (0, 1):  # some programs have no booleans
-                    cells[IS_FACADE_COLUMN] = bool(cells[IS_FACADE_COLUMN])
-                id = cells.get("id")
-                found += _building_annotations("" if id is None else str(id), cells, names)
+                found += _row_annotations(row, names)
     if not known:
         raise InputError(
             f"{path} has no table buildings with id and {', '.join(GEOPACKAGE_COLUMNS)}, nor facades with "
             f"id and {IS_FACADE_COLUMN}; give one that `export --format gpkg` wrote"
         )
     return found
+
+
+def _row_annotations(row: JsonObject, names: Mapping[str, str]) -> Iterable[Annotation]:
+    cells = {name: value for name, value in row.items() if value == value}  # empty numeric cells are NaN
+    if cells.get(IS_FACADE_COLUMN) in (0, 1):  # some programs have no booleans
+        cells[IS_FACADE_COLUMN] = bool(cells[IS_FACADE_COLUMN])
+    id = cells.get("id")
+    return _building_annotations("" if id is None else str(id), cells, names)
 
 
 def _parse_cityjson(document: JsonObject) -> Iterator[Annotation]:
@@ -218,16 +223,16 @@ def _parse_cityjson(document: JsonObject) -> Iterator[Annotation]:
         attributes = city_object.get("attributes", {})
         yield from _building_annotations(id, attributes, CITYJSON_ATTRIBUTES)
         if attributes.get("measuredHeight") not in (None, ""):
-            heights = (attributes.get(name) for name in ("measuredHeight", EXPORTED_HEIGHT_ATTRIBUTE, "eavesHeight"))
-            yield id, MEASURED_HEIGHT, CityJsonHeights(*heights)
-        surfaces = [
-            s for geometry in city_object.get("geometry", ()) for s in geometry.get("semantics", {}).get("surfaces", ())
-        ]
-        # an edit of one surface counts for the whole wall
-        is_facade = {surface["facade"]: True for surface in surfaces if "facade" in surface and "isFacade" in surface}
-        is_facade |= {
-            surface["facade"]: surface["isFacade"] for surface in surfaces if surface.get("isFacade", True) is not True
-        }
+            names = ("measuredHeight", EXPORTED_HEIGHT_ATTRIBUTE, "eavesHeight")
+            yield id, MEASURED_HEIGHT, CityJsonHeights(*map(attributes.get, names))
+        is_facade: JsonObject = {}
+        for geometry in city_object.get("geometry", ()):
+            for surface in geometry.get("semantics", {}).get("surfaces", ()):
+                # an edit of one surface counts for the whole wall
+                if surface.get("isFacade", True) is not True:
+                    is_facade[surface["facade"]] = surface["isFacade"]
+                elif "facade" in surface and "isFacade" in surface:
+                    is_facade.setdefault(surface["facade"], True)
         for facade, value in is_facade.items():
             yield facade, "facade", value
 

@@ -85,21 +85,20 @@ def resolve_crs_axes(
     if horizontal.is_geocentric:
         raise InputError(f"{path} is in geocentric {crs}; reproject it to a projected CRS in metres")
     north_first = horizontal.axis_info[0].direction == "north" and "CRS84" not in name
-    remark = None
-    if sample_point is not None:
-        north_first, remark = _axis_order(
-            horizontal, north_first, sample_point, is_bare_code=_BARE_CODE.fullmatch(name) is not None
-        )
-    unit = horizontal.axis_info[0].unit_conversion_factor
-    vertical = next((part for part in parts if part.is_vertical), None)
-    if horizontal.is_geographic:
-        latitude = 0.0 if sample_point is None else sample_point[0 if north_first else 1] * unit
-        metres = EARTH_RADIUS_M * unit
-        scale = metres * max(math.cos(latitude), 1e-3), metres
-    else:
-        scale = unit, unit
-    heights = metres_per_height_unit(horizontal if vertical is None else vertical)
-    return CoordinateAxes(crs, horizontal.to_string(), north_first, scale, heights), remark
+    is_bare_code = _BARE_CODE.fullmatch(name) is not None
+    north_first, remark = _axis_order(horizontal, north_first, sample_point, is_bare_code=is_bare_code)
+    vertical = next((part for part in parts if part.is_vertical), horizontal)
+    scale = _metres_per_unit(horizontal, sample_point, north_first)
+    return CoordinateAxes(crs, horizontal.to_string(), north_first, scale, metres_per_height_unit(vertical)), remark
+
+
+def _metres_per_unit(crs: CRS, sample_point: tuple[float, float] | None, north_first: bool) -> tuple[float, float]:
+    unit = crs.axis_info[0].unit_conversion_factor
+    if not crs.is_geographic:
+        return unit, unit
+    latitude = 0.0 if sample_point is None else sample_point[0 if north_first else 1] * unit
+    metres = EARTH_RADIUS_M * unit
+    return metres * max(math.cos(latitude), 1e-3), metres
 
 
 def _parse_epsg_codes(name: str) -> list[int]:
@@ -124,12 +123,14 @@ def _crs_parts(codes: Sequence[int]) -> list[CRS]:
 
 
 def _axis_order(
-    crs: CRS, north_first: bool, sample_point: tuple[float, float], *, is_bare_code: bool
+    crs: CRS, north_first: bool, sample_point: tuple[float, float] | None, *, is_bare_code: bool
 ) -> tuple[bool, str | None]:
     """Return whether the northing is first, and a remark where that is a guess.
 
     is_bare_code: True for a bare code, which many writers pair with their own axis order.
     """
+    if sample_point is None:
+        return north_first, None
     east, north = sample_point[::-1] if north_first else sample_point
     other = _is_near_area_of_use(crs, north, east)
     if not _is_near_area_of_use(crs, east, north):

@@ -41,14 +41,14 @@ def read_json_buildings(
     if is_json_lines(path):
         return cityjson.read_cityjson(path, lod)
     document = load_json(path)
-    kind = document.get("type") if isinstance(document, dict) else None
-    if isinstance(document, dict) and (str(kind).startswith("CityJSON") or "CityObjects" in document):
-        return cityjson.parse_cityjson(document, path, lod)
-    if isinstance(kind, str) and kind in _GEOJSON:
+    stated = document if isinstance(document, dict) else {}
+    kind = str(stated.get("type"))
+    if kind.startswith("CityJSON") or "CityObjects" in stated:
+        return cityjson.parse_cityjson(stated, path, lod)
+    if kind in _GEOJSON:
         return vectors.read_vector_footprints(path, lod, keys)
-    if isinstance(document, dict) and isinstance(document.get("walls"), dict):
+    if isinstance(stated.get("walls"), dict):
         return walls.read_footprints_from_walls(path, lod)
-    other = next((text for key, text in _OTHER_JSON.items() if isinstance(document, dict) and key in document), "")
-    raise InputError(
-        f"{path} holds no buildings: it is {other or 'neither CityJSON, nor GeoJSON, nor a table of walls; convert it'}"
-    )
+    unknown = "neither CityJSON, nor GeoJSON, nor a table of walls; convert it"
+    other = next((text for key, text in _OTHER_JSON.items() if key in stated), unknown)
+    raise InputError(f"{path} holds no buildings: it is {other}")

@@ -9,9 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from catalogs.reader_errors import short_message
+from catalogs.reader_errors import wrap_reader_errors
 from catalogs.readers.json_text import parse_json_object
-from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
 from facade_core.core.regular_files import read_regular
 from facade_core.core.types import Element
@@ -66,16 +65,13 @@ def read_partial_layout(path: str | Path) -> PartialLayout:
     InputError : the file cannot be read, or is no layout.
     """
     path = Path(path)
-    try:
+    with wrap_reader_errors(f"{path}:", "is no layout", "correct it"):
         record = parse_json_object(read_regular(path), str(path))
         layout = parse_layout_record(record, 1)
         boxes = [tuple(float(box[side]) for side in ("x0", "y0", "x1", "y1")) for box in record.get("visible", ())]
         if not np.isfinite(boxes).all():
             raise ValueError("numbers must be finite")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({short_message(error)}); give a .json file of a layout") from error
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{path}: is no layout ({short_message(error)}); correct it") from error
+
     visible = [(x0, y0, x1, y1) for x0, y0, x1, y1 in boxes] or [(e.x0, e.y0, e.x1, e.y1) for e in layout.elements]
     return PartialLayout(layout.elements, layout.domain, tuple(visible))
 

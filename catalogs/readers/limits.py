@@ -111,11 +111,12 @@ def _limit_violation(item: Footprint | BuildingModel | Centreline) -> str | None
         return "its id holds what is no letter, such as a line break or half a character; give it another"
     if isinstance(item, Centreline):
         points = shapely.get_num_coordinates(item.line)
-        return (
-            f"it has {points} points, more than {LIMITS.max_centreline_points}; simplify it"
-            if points > LIMITS.max_centreline_points
-            else None
-        )
+        most = LIMITS.max_centreline_points
+        return f"it has {points} points, more than {most}; simplify it" if points > most else None
+    return _building_violation(item)
+
+
+def _building_violation(item: Footprint | BuildingModel) -> str | None:
     if isinstance(item, Footprint):
         corners = shapely.get_num_coordinates(item.outline)
         if corners > LIMITS.max_outline_corners:

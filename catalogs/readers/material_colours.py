@@ -17,9 +17,7 @@ from facade_core.core.types import PLAIN, BuildingFinish
 SEVERAL_COLOURS_REASON = "buildings with several colours of materials, read in that of the largest area"
 
 
-def choose_finish(
-    faces: Iterable[tuple[str, Float64Array, Colour]], id: str, remarks: list[Remark] | None = None
-) -> BuildingFinish:
+def choose_finish(faces: Iterable[tuple[str, Float64Array, Colour]], id: str, remarks: list[Remark]) -> BuildingFinish:
     """Return the colours that cover most of the walls and most of the roof.
 
     Parameters
@@ -36,10 +34,10 @@ def choose_finish(
             parts = {"roof": float(sizes[is_level].sum()), "wall": float(sizes[~is_level].sum())}
         else:
             parts = {semantic: float(sizes.sum())}
-        for kind, area in parts.items():
-            if kind in areas and area > 0:
-                areas[kind][colour] = areas[kind].get(colour, 0.0) + area
-    if remarks is not None and any(len(found) > 1 for found in areas.values()):
+        for kind in areas.keys() & parts.keys():
+            if parts[kind] > 0:
+                areas[kind][colour] = areas[kind].get(colour, 0.0) + parts[kind]
+    if any(len(found) > 1 for found in areas.values()):
         remarks.append(Remark(id, SEVERAL_COLOURS_REASON, None))
     chosen = {kind: max(found.items(), key=itemgetter(1))[0] for kind, found in areas.items() if found}
     return BuildingFinish(chosen.get("wall"), chosen.get("roof")) if chosen else PLAIN

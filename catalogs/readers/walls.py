@@ -51,7 +51,7 @@ def read_footprints_from_walls(path: Path, lod: str | None = None) -> Footprints
     crs = content.get("crs")
     if crs is not None and not isinstance(crs, str):
         raise InputError(f'{path}: crs is {crs!r}; give a text such as "EPSG:28992"')
-    unit = 1.0 if crs is None else metres_per_height_unit(crs)
+    unit = metres_per_height_unit(crs)
     items, faults = [], []
     for building, stated in walls.items():
         try:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import posixpath
 from collections.abc import Callable, Sequence
+from itertools import chain
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
@@ -38,7 +39,7 @@ def write_stac_geoparquet(path: Path, items: Sequence[tuple[str, Item]], collect
     import pyarrow.parquet as pq
 
     rows = [_item_row(href, item) for href, item in items]
-    names = dict.fromkeys(name for row in rows for name in row) or {"id": None}
+    names = dict.fromkeys(chain.from_iterable(rows)) or {"id": None}
     table = pa.table({name: [row.get(name) for row in rows] for name in names})
     boxes = [row["bbox"] for row in rows]
     geometry: JsonObject = {"encoding": "WKB", "geometry_types": _geometry_types(rows, "geometry")}

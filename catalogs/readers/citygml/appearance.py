@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -57,26 +58,29 @@ def add_parameterized_texture(texture: Element, appearance: CityGmlAppearance) -
 
     Rings prefer the theme rgbTexture, else the first theme by name.
     """
-    appearance.matrix_count += sum(1 for _ in texture.iter("{*}TexCoordGen"))
-    uri = (texture.findtext("{*}imageURI") or "").strip()
+    appearance.matrix_count += len(list(texture.iter("{*}TexCoordGen")))
+    uri = texture.findtext("{*}imageURI", "").strip()
     if uri not in appearance.pictures:
         appearance.pictures[uri] = find_referenced_file(appearance.path, uri)
     picture = appearance.pictures[uri]
     if picture is None:
         return
     rank = _theme_rank(texture)
-    wrap_mode = (texture.findtext("{*}wrapMode") or "").strip().lower()
+    wrap_mode = texture.findtext("{*}wrapMode", "").strip().lower()
     if wrap_mode in _ENDING_WRAP_MODES and any(map(_exceeds_picture, texture.iter("{*}textureCoordinates"))):
         appearance.unwrapped_count += 1
+    for ring, text in _coordinates_by_ring(texture):
+        name, entry = ring.strip().rpartition("#")[2], (rank, picture, text)
+        appearance.ring_textures[name] = min(appearance.ring_textures.get(name, entry), entry, key=itemgetter(0))
+
+
+def _coordinates_by_ring(texture: Element) -> Iterator[tuple[str, str]]:
     for coordinates in texture.iter("{*}TexCoordList"):
         texts = coordinates.findall("{*}textureCoordinates")
         rings = [text.get("ring") for text in texts]
         if None in rings:  # CityGML 3.0 lists the rings after the coordinates
             rings = [ring.text for ring in coordinates.findall("{*}ring")]
-        for ring, text in zip(rings, texts, strict=False):
-            name = (ring or "").strip().rpartition("#")[2]
-            if name not in appearance.ring_textures or rank < appearance.ring_textures[name][0]:
-                appearance.ring_textures[name] = (rank, picture, text.text or "")
+        yield from ((ring or "", text.text or "") for ring, text in zip(rings, texts, strict=False))
 
 
 def add_material(material: Element, appearance: CityGmlAppearance) -> None:
@@ -88,8 +92,8 @@ def add_material(material: Element, appearance: CityGmlAppearance) -> None:
     rank = _theme_rank(material)
     for target in material.iterfind("{*}target"):
         name = ((target.text or "").strip() or target.get("{http://www.w3.org/1999/xlink}href", "")).rpartition("#")[2]
-        if name not in appearance.colours or rank < appearance.colours[name][0]:
-            appearance.colours[name] = (rank, (red, green, blue))
+        entry = (rank, (red, green, blue))
+        appearance.colours[name] = min(appearance.colours.get(name, entry), entry, key=itemgetter(0))
 
 
 def surface_colour(polygon: Element, appearance: CityGmlAppearance) -> Colour | None:
@@ -103,7 +107,7 @@ def surface_colour(polygon: Element, appearance: CityGmlAppearance) -> Colour | 
 def _theme_rank(data: Element) -> tuple[bool, str]:
     """Return the rank of the theme of surface data: rgbTexture first, else by name."""
     holder = next(data.iterancestors("{*}Appearance"), None)
-    theme = "" if holder is None else (holder.findtext("{*}theme") or "").strip()
+    theme = "" if holder is None else holder.findtext("{*}theme", "").strip()
     return theme.casefold() != "rgbtexture", theme
 
 
@@ -144,11 +148,12 @@ def face_texture(
 
 def appearance_remarks(appearance: CityGmlAppearance) -> list[Remark]:
     """Return the remarks on a file after all its textures were added."""
-    file, remarks = appearance.path.name, []
-    missing = [uri for uri, picture in appearance.pictures.items() if picture is None]
-    unread = {uri: reason for uri in missing if (reason := unread_file_reason(appearance.path, uri))}
-    remarks += [Remark(uri, reason, None) for uri, reason in unread.items()]
-    if absent := [uri for uri in missing if uri not in unread]:
+    file = appearance.path.name
+    reasons = {
+        uri: unread_file_reason(appearance.path, uri) for uri, picture in appearance.pictures.items() if picture is None
+    }
+    remarks = [Remark(uri, reason, None) for uri, reason in reasons.items() if reason]
+    if absent := [uri for uri, reason in reasons.items() if not reason]:
         text = f"{len(absent)} of {len(appearance.pictures)} of {file}, the first {absent[0]}"
         remarks.append(Remark(text, "texture pictures that are not there, surfaces left untextured", None))
     counts = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -153,7 +153,7 @@ def _read_building(
     if requested_lod not in (None, lod):
         reading.remarks.append(Remark(id, f"buildings without LoD {requested_lod} read at LoD {lod}", None))
     outlines = [(polygon_rings(surface.polygon), surface.is_reversed, surface.semantic) for surface in surfaces]
-    points = np.concatenate([ring for rings, _, _ in outlines for ring in rings.values()] or [np.empty((0, 3))])
+    points = np.concatenate([np.empty((0, 3)), *(ring for rings, _, _ in outlines for ring in rings.values())])
     axes = _building_axes(building, points, reading)
     shell = triangulate_faces(_build_faces(outlines, axes, id, reading), axes.metres_per_unit)
     if shell is None:
@@ -164,7 +164,7 @@ def _read_building(
         shell,
         height=_stated_number(building, "{*}measuredHeight", "{*}Height", unit=axes.metres_per_height_unit),
         levels=levels if levels is not None and levels < MODELS.max_levels else None,
-        name=(building.findtext("{*}name") or "").strip() or None,
+        name=building.findtext("{*}name", "").strip() or None,
         finish=_material_finish(surfaces, outlines, axes, id, reading),
     )
 
@@ -191,17 +191,9 @@ def _build_faces(
     outlines: Sequence[_SurfaceRings], axes: CoordinateAxes, id: str, reading: _ReaderState
 ) -> list[PlanarFace]:
     """Return the faces in outward orientation, each once, with textures."""
-    faces, misfit, known = [], False, set()
-    for named, turned, semantic in sorted(outlines, key=lambda outline: outline[2] is None):
-        if not named:
-            continue
+    faces, misfit = [], False
+    for named, turned, semantic in _outer_outlines(outlines, axes):
         rings = [axes.to_east_north_up(ring) for ring in named.values()]
-        corners = (rings[0] * (*axes.metres_per_unit, 1.0)).round(3) + 0.0
-        key = corners[np.lexsort(corners.T)].tobytes()
-        repeated = semantic is None and key in known  # solids may repeat the surfaces of their boundary
-        known.add(key)
-        if semantic == "inside" or repeated:
-            continue
         texture, uv = face_texture(named, reading.appearance)
         misfit |= texture is None
         step = -1 if turned else 1
@@ -213,6 +205,20 @@ def _build_faces(
     return faces
 
 
+def _outer_outlines(outlines: Sequence[_SurfaceRings], axes: CoordinateAxes) -> Iterator[_SurfaceRings]:
+    """Yield the surfaces that are not inside, each once: solids may repeat the surfaces of their boundary."""
+    known = set()
+    for outline in sorted(outlines, key=lambda outline: outline[2] is None):
+        named, _, semantic = outline
+        if not named:
+            continue
+        corners = (axes.to_east_north_up(next(iter(named.values()))) * (*axes.metres_per_unit, 1.0)).round(3) + 0.0
+        key = corners[np.lexsort(corners.T)].tobytes()
+        if semantic != "inside" and not (semantic is None and key in known):
+            yield outline
+        known.add(key)
+
+
 def _stated_number(building: Element, *tags: str, unit: float = 1.0) -> float | None:
     """Return the largest positive number of the building, else of its parts; None without one in metres.
 
@@ -222,9 +228,11 @@ def _stated_number(building: Element, *tags: str, unit: float = 1.0) -> float | 
     parts: list[float] = []
     for element in building.iter(*tags):
         value = element if len(element) == 0 else element.find("{*}value")
-        numbers = parse_numbers(None if value is None else value.text)
-        named = "" if value is None else re.split("[#:/]", value.get("uom", ""))[-1].lower()
-        if len(numbers) == 1 and 0 < numbers[0] < math.inf and (not named or named in _METRE_NAMES):
+        if value is None:
+            continue
+        numbers = parse_numbers(value.text)
+        named = re.split("[#:/]", value.get("uom", ""))[-1].lower()
+        if len(numbers) == 1 and 0 < numbers[0] < math.inf and named in {"", *_METRE_NAMES}:
             owner = next(element.iterancestors("{*}Building", "{*}BuildingPart"), None)
             (own if owner is building else parts).append(numbers[0] * (1.0 if named else unit))
     return max(own or parts, default=None)

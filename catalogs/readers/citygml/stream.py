@@ -6,12 +6,11 @@ Names are matched without namespaces, so that one reader covers GML 3.1.1 and 3.
 from __future__ import annotations
 
 import gzip
-import zlib
 from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, cast
 
-from catalogs.reader_errors import short_message
+from catalogs.reader_errors import wrap_reader_errors
 from catalogs.readers.settings import LIMITS, MODELS
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import open_regular
@@ -41,29 +40,26 @@ def iterate_elements(path: Path, names: Collection[str]) -> Iterator[Element]:
     """
     from lxml import etree
 
-    try:
-        with _open_maybe_gzipped(path) as file:
-            stream = _BoundedFile(file, path)
-            events = etree.iterparse(
-                stream,
-                events=("end",),
-                tag=[f"{{*}}{name}" for name in {*names, *_MEMBER_NAMES}],
-                resolve_entities=False,
-                no_network=True,
-                huge_tree=True,
-                recover=True,
-            )
-            for _, element in events:
-                if local_name(element) in names:
-                    yield element
-                if local_name(element) in _MEMBER_NAMES:
-                    stream.start_member()
-                    element.clear()
-                    parent = element.getparent()
-                    while parent is not None and parent[0] is not element:
-                        del parent[0]
-    except (OSError, EOFError, zlib.error, etree.XMLSyntaxError) as error:
-        raise InputError(f"{path} cannot be read ({short_message(error)}); export it again") from error
+    with wrap_reader_errors(path, "cannot be read", "export it again"), _open_maybe_gzipped(path) as file:
+        stream = _BoundedFile(file, path)
+        events = etree.iterparse(
+            stream,
+            events=("end",),
+            tag=[f"{{*}}{name}" for name in {*names, *_MEMBER_NAMES}],
+            resolve_entities=False,
+            no_network=True,
+            huge_tree=True,
+            recover=True,
+        )
+        for _, element in events:
+            if local_name(element) in names:
+                yield element
+            if local_name(element) in _MEMBER_NAMES:
+                stream.start_member()
+                element.clear()
+                parent = element.getparent()
+                while parent is not None and parent[0] is not element:
+                    del parent[0]
     if events.root is not None and events.root.getroottree().docinfo.internalDTD is not None:
         raise InputError(f"{path} declares a DTD, which CityGML has no use for; delete its <!DOCTYPE ...>")
     for flaw in events.error_log.filter_from_fatals():

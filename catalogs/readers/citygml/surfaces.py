@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -103,8 +104,7 @@ def _collect_geometries(building: Element, ids: Mapping[str, Element]) -> tuple[
     passed_over: list[str] = []
     features: list[tuple[Element, int, str | None]] = [(building, 0, None)]
     for feature, unit, semantic in features:  # grows in the loop
-        inside = (feature.findtext("{*}relationToConstruction") or "").strip() == "inside"
-        if inside or feature in visited:
+        if feature.findtext("{*}relationToConstruction", "").strip() == "inside" or feature in visited:
             continue
         visited.add(feature)
         for member in feature.iterchildren("{*}*"):
@@ -159,7 +159,7 @@ def select_lod_surfaces(units: Sequence[BuildingUnit], requested_lod: int | None
     GeometryError
         Where there is no level above 0.
     """
-    lods = {lod for unit in units for lod in unit.surfaces_by_lod if unit.kind != "installation"}
+    lods = set().union(*(unit.surfaces_by_lod for unit in units if unit.kind != "installation"))
     if not lods:
         raise GeometryError("it has no geometry; add a LoD 1 to 3 model or delete it")
     if lods == {0}:
@@ -170,7 +170,7 @@ def select_lod_surfaces(units: Sequence[BuildingUnit], requested_lod: int | None
     for unit in units:
         lod = _nearest_lod(unit.surfaces_by_lod, chosen)
         # do not add the hull of a part to a whole building, nor the hull of the whole to its parts
-        coarser = (unit.kind == "part" and not whole) or (unit.kind == "installation" and lod < chosen)
+        coarser = {"part": not whole, "installation": lod < chosen}.get(unit.kind, False)
         if lod == chosen or (lod and coarser):
             found += unit.surfaces_by_lod[lod]
     return found, chosen
@@ -194,19 +194,23 @@ def polygon_rings(polygon: Element) -> dict[str, Float64Array]:
     """
     rings: dict[str, Float64Array] = {}
     for number, boundary in enumerate(polygon.iterchildren(*_RING_TAGS)):
-        positions = [parse_numbers(e.text) for e in boundary.iter("{*}posList", "{*}pos", "{*}coordinates")]
-        values = np.array([value for position in positions for value in position])
-        if not np.isfinite(values).all():
-            raise GeometryError("its coordinates are not all finite numbers; repair or delete it")
-        if len(values) % 3 or _coordinate_dimension(boundary) == 2:
-            raise GeometryError("its coordinates are not all x, y and z; export it with heights")
-        ring = values.reshape(-1, 3)
-        ring = ring[:-1] if len(ring) > 1 and (ring[0] == ring[-1]).all() else ring
+        ring = _ring_vertices(boundary)
         if len(ring) >= 3:
             rings[next((gml_id(e) for e in boundary), "") or f" {number}"] = ring
         elif number == 0:
             break
     return rings
+
+
+def _ring_vertices(boundary: Element) -> Float64Array:
+    positions = [parse_numbers(e.text) for e in boundary.iter("{*}posList", "{*}pos", "{*}coordinates")]
+    values = np.array(list(chain.from_iterable(positions)))
+    if not np.isfinite(values).all():
+        raise GeometryError("its coordinates are not all finite numbers; repair or delete it")
+    if len(values) % 3 or _coordinate_dimension(boundary) == 2:
+        raise GeometryError("its coordinates are not all x, y and z; export it with heights")
+    ring = values.reshape(-1, 3)
+    return ring[:-1] if len(ring) > 1 and (ring[0] == ring[-1]).all() else ring
 
 
 def _coordinate_dimension(boundary: Element) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
@@ -36,7 +36,7 @@ from catalogs.readers.json_text import is_json_lines, load_json, parse_json
 from catalogs.readers.material_colours import choose_finish, parse_colour_shares
 from catalogs.readers.referenced_files import find_referenced_file, unread_file_reason
 from catalogs.readers.settings import MODELS
-from facade_core.core.arrays import Float64Array
+from facade_core.core.arrays import Float64Array, Int32Array
 from facade_core.core.errors import GeometryError, InputError
 from facade_core.core.json_types import JsonObject, JsonValue
 from facade_core.core.regular_files import open_regular
@@ -195,12 +195,9 @@ def _read_document(document: JsonObject, reading: _ReaderState) -> None:
                 for face in _merge_geometries([place_faces(g) for g in _sort_richest_first(geometries)])
             ]
             model = _build_model(id, faces, [objects[i] for i in ids], axes or CoordinateAxes(), reading.remarks)
-        except GeometryError as reason:
-            place = _bounding_box([objects[i] for i in ids], points)
-            reading.faults.append(Fault(id, "building", f"{reading.path.name}: {reason}", place))
-            continue
         except Exception as error:  # the other buildings are read
-            reading.faults.append(Fault(id, "building", f"{reading.path.name}: {fault_reason(error)}"))
+            place = _bounding_box([objects[i] for i in ids], points) if isinstance(error, GeometryError) else None
+            reading.faults.append(Fault(id, "building", f"{reading.path.name}: {fault_reason(error)}", place))
             continue
         reading.models.append(model)
         if other is not None and reading.requested_lod is not None:
@@ -236,14 +233,12 @@ def _build_model(
         for face in faces
         if face.colour is not None and face.texture < 0 and face.rings
     ]
-    own = {key.lower(): value for key, value in attributes[0].items()}
-    names = [own.get(key) for key in _NAME_ATTRIBUTES]
     return BuildingModel(
         id,
         shell,
         height=max(heights, default=None),
         levels=max(stated("storeysAboveGround", 0.0, MODELS.max_levels), default=None),
-        name=next((name.strip() for name in names if isinstance(name, str) and name.strip()), None),
+        name=_stated_name(attributes[0]),
         base=min(bases, default=None),
         finish=choose_finish(coloured, id, remarks),
     )
@@ -303,10 +298,14 @@ def _read_appearance(document: JsonObject, reading: _ReaderState) -> CityJsonApp
     )
 
 
-def _collect_models(reading: _ReaderState) -> BuildingModels:
-    """Return all models with the pictures that are used and exist."""
-    shown = [np.unique(model.shell.texture) for model in reading.models]
-    used = {int(number) for numbers in shown for number in numbers if number >= 0}
+def _stated_name(attributes: JsonObject) -> str | None:
+    own = {key.lower(): value for key, value in attributes.items()}
+    names = [own.get(key) for key in _NAME_ATTRIBUTES]
+    return next((name.strip() for name in names if isinstance(name, str) and name.strip()), None)
+
+
+def _find_pictures(reading: _ReaderState, used: Collection[int]) -> tuple[dict[Path, int], Int32Array]:
+    """Return the number of each picture that is used and exists, and that by its number in the file, -1 without."""
     found: dict[Path, int] = {}
     numbers = np.full(len(reading.pictures) + 1, -1, np.int32)  # index -1 maps to -1
     missing = 0
@@ -322,6 +321,13 @@ def _collect_models(reading: _ReaderState) -> BuildingModels:
     if missing:
         reason = f"files read without {missing} of their {len(used)} texture images, which are missing"
         reading.remarks.append(Remark(reading.path.name, reason, None))
+    return found, numbers
+
+
+def _collect_models(reading: _ReaderState) -> BuildingModels:
+    """Return all models with the pictures that are used and exist."""
+    used = {int(number) for model in reading.models for number in np.unique(model.shell.texture)} - {-1}
+    pictures, numbers = _find_pictures(reading, used)
     reading.remarks += [
         Remark(f"{count} {kind} of {reading.path.name}", "kinds of objects that are no buildings left out", None)
         for kind, count in sorted(reading.other_types.items())
@@ -332,7 +338,7 @@ def _collect_models(reading: _ReaderState) -> BuildingModels:
         uv = np.where(texture[:, None, None] >= 0, model.shell.uv, np.float32(0))
         models.append(replace(model, shell=replace(model.shell, texture=texture, uv=uv)))
     axes = reading.axes or resolve_crs_axes(_reference_system(reading), None, reading.path)[0]
-    return BuildingModels(axes.crs, tuple(models), tuple(found), tuple(reading.remarks), tuple(reading.faults))
+    return BuildingModels(axes.crs, tuple(models), tuple(pictures), tuple(reading.remarks), tuple(reading.faults))
 
 
 def _bounding_box(things: Sequence[JsonObject], points: Float64Array) -> shapely.Polygon | None:

@@ -137,6 +137,17 @@ def _nearest_lod(lods: Collection[Lod], requested: Lod) -> Lod:
     return max(same or lower or [min(lods)])
 
 
+def _instantiated_shape(geometry: JsonObject, templates: Sequence[object]) -> JsonObject:
+    """Return a geometry, or the template of which it is an instance."""
+    if geometry.get("type") != "GeometryInstance":
+        return geometry
+    number = geometry.get("template")
+    template = templates[number] if type(number) is int and 0 <= number < len(templates) else None
+    if not isinstance(template, dict):
+        raise GeometryError(f"it is an instance of template {number}, which is missing; export it anew")
+    return template
+
+
 def _geometries_by_lod(thing: JsonObject, templates: Sequence[object]) -> dict[Lod, list[JsonObject]]:
     """Return the geometries with surfaces by level of detail."""
     geometries = thing.get("geometry") or []
@@ -144,13 +155,7 @@ def _geometries_by_lod(thing: JsonObject, templates: Sequence[object]) -> dict[L
         raise GeometryError("its geometry is not a list of geometries; export it anew")
     levels = defaultdict(list)
     for geometry in geometries:
-        shape = geometry
-        if geometry.get("type") == "GeometryInstance":
-            number = geometry.get("template")
-            template = templates[number] if type(number) is int and 0 <= number < len(templates) else None
-            if not isinstance(template, dict):
-                raise GeometryError(f"it is an instance of template {number}, which is missing; export it anew")
-            shape = template
+        shape = _instantiated_shape(geometry, templates)
         if str(shape.get("type")) in NESTING_DEPTHS and shape.get("boundaries"):
             levels[parse_lod(shape.get("lod"))].append(geometry)
     return dict(levels)

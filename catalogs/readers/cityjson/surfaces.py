@@ -176,17 +176,21 @@ def _surface_texture(
     """Return the picture of a surface and the coordinates of each ring; -1 and None where they do not fit."""
     if not isinstance(pictured, list) or len(pictured) < len(surface) or not surface:
         return -1, None
-    if not isinstance(pictured[0], list) or not pictured[0] or not _is_index(pictured[0][0], len(appearance.pictures)):
-        return -1, None
-    picture = appearance.pictures[pictured[0][0]]
+    number = next(iter(list_or_empty(pictured[0])), None)
+    picture = appearance.pictures[number] if _is_index(number, len(appearance.pictures)) else -1
     uv = []
     for ring, values in zip(surface, pictured, strict=False):
-        if picture < 0 or not isinstance(values, list) or len(values) != len(ring) + 1:
+        placed = _ring_coordinates(list_or_empty(values)[1:], appearance.uv)
+        if picture < 0 or len(placed) != len(ring) or not (np.abs(placed) < LIMITS.max_coordinate).all():
             return -1, None
-        if not all(_is_index(value, len(appearance.uv)) for value in values[1:]):
-            return -1, None
-        uv.append(appearance.uv[values[1:]].reshape(-1, 2))
-    return (picture, uv) if all((np.abs(ring) < LIMITS.max_coordinate).all() for ring in uv) else (-1, None)
+        uv.append(placed)
+    return picture, uv
+
+
+def _ring_coordinates(numbers: list[object], uv: Float64Array) -> Float64Array:
+    """Return the coordinates (n, 2) by their numbers; none where one is no number of them."""
+    known = [number for number in numbers if _is_index(number, len(uv))]
+    return uv[known if len(known) == len(numbers) else []].reshape(-1, 2)
 
 
 def _is_index(value: object, length: int) -> TypeGuard[int]:

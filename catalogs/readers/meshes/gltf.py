@@ -8,6 +8,7 @@ from __future__ import annotations
 import io
 import json
 import struct
+from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
@@ -26,8 +27,14 @@ from catalogs.readers.meshes.gltf_materials import (
     header_item,
     stated_frame,
 )
-from catalogs.readers.meshes.surfaces import MeshSurface, is_interior_class, is_surface_name, semantic_from_names
-from catalogs.readers.meshes.up_axis import Z_UP_FROM_Y_UP
+from catalogs.readers.meshes.surfaces import (
+    MeshContent,
+    MeshSurface,
+    is_interior_class,
+    is_surface_name,
+    semantic_from_names,
+)
+from catalogs.readers.meshes.up_axis import Z_UP_FROM_Y_UP, note_sideways_gltf
 from catalogs.readers.referenced_files import (
     NO_FILE_REASON,
     OUTSIDE_FOLDER_REASON,
@@ -73,7 +80,7 @@ _Primitive: TypeAlias = tuple[int, int, JsonObject]
 _PLACEHOLDER_NAMES = frozenset(("", "world", "scene", "root", "rootnode"))
 
 
-def read_gltf_surfaces(path: Path) -> tuple[list[MeshSurface], tuple[Path, ...], list[Remark], str | None]:
+def read_gltf_surfaces(path: Path) -> MeshContent:
     """Read surfaces by building and semantic, the pictures that they use, remarks, and the frame that the extras state.
 
     Coordinates (x, y, z) become (x, -z, y) plus `origin` [x, y, z] of the scene's extras. Embedded pictures are dropped, since
@@ -90,9 +97,7 @@ def read_gltf_surfaces(path: Path) -> tuple[list[MeshSurface], tuple[Path, ...],
         return _read_scene(path, header, rest)
 
 
-def _read_scene(
-    path: Path, header: JsonObject, rest: bytes
-) -> tuple[list[MeshSurface], tuple[Path, ...], list[Remark], str | None]:
+def _read_scene(path: Path, header: JsonObject, rest: bytes) -> MeshContent:
     import trimesh
 
     _check_counts(path, header)
@@ -118,7 +123,8 @@ def _read_scene(
         elif (surface := reader.read_surface(mesh, primitives[int(node)])) is not None:
             vertices = (surface.corners @ transform[:3, :3].T + transform[:3, 3]) @ Z_UP_FROM_Y_UP.T + origin
             surfaces.append(replace(surface, corners=vertices[mesh.faces]))
-    return surfaces, tuple(reader.pictures), reader.remarks(), stated_frame(header)
+    remarks = [*reader.remarks(), *note_sideways_gltf(surfaces, path.name)]
+    return MeshContent(surfaces, tuple(reader.pictures), remarks, crs=stated_frame(header))
 
 
 class _SceneReader:
@@ -146,7 +152,7 @@ class _SceneReader:
     def read_surface(self, mesh: Trimesh, place: _Primitive) -> MeshSurface | None:
         """Return the surface of a primitive, its corners (n, 3) per vertex; None for an interior."""
         names, primitive = self.names(place), place[2]
-        if any(is_interior_class(name.partition("|")[2] or name) for name in names[:1]):
+        if names and is_interior_class(names[0].partition("|")[2] or names[0]):
             return None
         material = header_item(self.header, "materials", primitive.get("material"))
         building = self._number_building(_building_name(names), place)
@@ -158,14 +164,16 @@ class _SceneReader:
             self.note(_MULTIPLIED_REASON, building)
         elif "COLOR_0" in primitive["attributes"]:
             self.note(_VERTEX_COLOUR_REASON, building)
-        return MeshSurface(
+        surface = MeshSurface(
             building=building,
-            semantic=semantic_from_names(*(_surface_kind(name) for name in names), material.get("name")),
+            semantic=semantic_from_names(*map(_surface_kind, names), material.get("name")),
             corners=decode_normalized(self.header, primitive["attributes"]["POSITION"], mesh.vertices),
-            texture=-1 if picture is None or uv is None else self.pictures.index(picture),
-            uv=None if uv is None else (uv * (1.0, -1.0) + (0.0, 1.0))[mesh.faces],
-            colour=colour if uv is None else None,
+            colour=colour,
         )
+        if picture is None or uv is None:
+            return surface
+        uv = (uv * (1.0, -1.0) + (0.0, 1.0))[mesh.faces]
+        return replace(surface, texture=self.pictures.index(picture), uv=uv, colour=None)
 
     def remarks(self) -> list[Remark]:
         """Return the remarks on the file."""
@@ -260,19 +268,19 @@ def _split_primitives(header: JsonObject) -> tuple[JsonObject, dict[int, tuple[i
     trimesh renames nameless and repeated nodes, at random for meshes of several primitives, and decodes every picture. Numbers
     stay stable, and texture coordinates pass as an attribute of their own.
     """
-    nodes = [{key: value for key, value in node.items() if key != "mesh"} for node in header.get("nodes", [])]
+    nodes = [_select(node, node.keys() - {"mesh"}) for node in header.get("nodes", [])]
     meshes: list[JsonObject] = []
     places = {}
     for index, mesh in enumerate(header.get("meshes", [])):
         places[index] = range(len(meshes), len(meshes) + len(mesh["primitives"]))
         for primitive in mesh["primitives"]:
-            attributes = {key: value for key, value in primitive["attributes"].items() if key == "POSITION"}
+            attributes = _select(primitive["attributes"], {"POSITION"})
             texture = base_colour_texture(header, header_item(header, "materials", primitive.get("material")))
             coordinate_set = f"TEXCOORD_{texture.coordinate_set}" if texture else ""
             if coordinate_set in primitive["attributes"]:
                 attributes["_UV"] = primitive["attributes"][coordinate_set]
-            kept = {key: primitive[key] for key in ("indices", "mode") if key in primitive}
-            meshes.append({"name": str(len(meshes)), "primitives": [kept | {"attributes": attributes}]})
+            kept = _select(primitive, {"indices", "mode"}) | {"attributes": attributes}
+            meshes.append({"name": str(len(meshes)), "primitives": [kept]})
     drawn = {}
     for owner, node in enumerate(header.get("nodes", [])):
         if "mesh" in node:
@@ -282,9 +290,12 @@ def _split_primitives(header: JsonObject) -> tuple[JsonObject, dict[int, tuple[i
                 nodes[owner]["children"] = [*nodes[owner].get("children", []), len(nodes)]
                 nodes.append({"mesh": place})
     nodes = [node | {"name": str(index)} for index, node in enumerate(nodes)]
-    left = ("images", "textures", "materials", "animations", "skins", "cameras", "extensionsUsed", "extensionsRequired")
-    kept = {key: value for key, value in header.items() if key not in left}
-    return kept | {"nodes": nodes, "meshes": meshes}, drawn
+    left = {"images", "textures", "materials", "animations", "skins", "cameras", "extensionsUsed", "extensionsRequired"}
+    return _select(header, header.keys() - left) | {"nodes": nodes, "meshes": meshes}, drawn
+
+
+def _select(item: JsonObject, keys: Collection[str]) -> JsonObject:
+    return {key: value for key, value in item.items() if key in keys}
 
 
 def _primitive_names(header: JsonObject, owner: int, mesh: int, parents: dict[int, int]) -> list[str]:

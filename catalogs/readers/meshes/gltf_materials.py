@@ -79,19 +79,30 @@ class BaseColourTexture:
 
 def check_extensions(path: Path, header: JsonObject) -> None:
     """Raise InputError where a file needs an extension or a kind of geometry that is not read."""
+    for problem, is_found in (_extension_problems(header) | _geometry_problems(header)).items():
+        if is_found:
+            raise InputError(f"{path} {problem}")
+
+
+def _extension_problems(header: JsonObject) -> dict[str, object]:
     used, required = ({*map(str, header.get(key) or [])} for key in ("extensionsUsed", "extensionsRequired"))
-    nodes, meshes = header.get("nodes", []), header.get("meshes", [])
-    primitives = [primitive for mesh in meshes for primitive in mesh["primitives"]]
     packed = sorted(_COMPRESSION_EXTENSIONS & (used | required))
     unknown = required - _SUPPORTED_EXTENSIONS - {_EARTH_CENTRE}
-    unknown |= {_INSTANCING for node in nodes if _INSTANCING in node.get("extensions", {})}
-    has_targets = any(primitive.get("targets") for primitive in primitives)
-    problems = {
+    unknown |= {_INSTANCING for node in header.get("nodes", []) if _INSTANCING in node.get("extensions", {})}
+    return {
         f"is compressed ({', '.join(packed)}); export it without compression": packed,
         f"is placed from the centre of the Earth ({_EARTH_CENTRE}), as 3D Tiles are; export it in a projected frame": (
             _EARTH_CENTRE in used | required
         ),
         f"needs {', '.join(sorted(unknown))}, which is not read; export it without": unknown,
+    }
+
+
+def _geometry_problems(header: JsonObject) -> dict[str, object]:
+    nodes, meshes = header.get("nodes", []), header.get("meshes", [])
+    primitives = [primitive for mesh in meshes for primitive in mesh["primitives"]]
+    has_targets = any(primitive.get("targets") for primitive in primitives)
+    return {
         "has morph targets, which are not read; export the shape that is meant": (
             has_targets and any(any(item.get("weights") or []) for item in (*meshes, *nodes))
         ),
@@ -103,9 +114,6 @@ def check_extensions(path: Path, header: JsonObject) -> None:
             "sparse" in accessor for accessor in header.get("accessors", [])
         ),
     }
-    for problem, is_found in problems.items():
-        if is_found:
-            raise InputError(f"{path} {problem}")
 
 
 def decode_normalized(header: JsonObject, index: int, values: AnyArray) -> Float64Array:

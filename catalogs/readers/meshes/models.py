@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from catalogs.crs import parse_crs
-from catalogs.features import BuildingModel, BuildingModels, Fault, Remark
+from catalogs.features import BuildingModels, Remark, select_textures
 from catalogs.reader_errors import wrap_reader_errors
 from catalogs.readers.meshes.gltf import read_gltf_surfaces
 from catalogs.readers.meshes.header_comments import read_header_comments
@@ -21,8 +21,8 @@ from catalogs.readers.meshes.plausible_models import (
     select_plausible_models,
 )
 from catalogs.readers.meshes.surface_names import merge_surface_names
-from catalogs.readers.meshes.surfaces import MeshSurface, group_into_models
-from catalogs.readers.meshes.up_axis import note_sideways_gltf, turn_up
+from catalogs.readers.meshes.surfaces import MeshContent, MeshSurface, group_into_models
+from catalogs.readers.meshes.up_axis import turn_up
 from catalogs.readers.settings import LIMITS
 from catalogs.readers.source_keys import NO_SOURCE_KEYS, UP_AXIS_SUFFIXES, SourceKeys
 from facade_core.core.errors import InputError
@@ -50,20 +50,10 @@ def read_mesh_buildings(path: Path, lod: str | None = None, keys: SourceKeys = N
     InputError
         Where the file cannot be read or holds no triangle.
     """
-    crs: str | None = None
-    textures: tuple[Path, ...] = ()
-    remarks: list[Remark] = []
-    faults: list[Fault] = []
     kind = path.suffix.lower()
-    if kind == ".npz":
-        surfaces, crs = _read_npz(path)
-    elif kind == ".obj":
-        surfaces, textures, remarks, faults = read_obj_surfaces(path)
-    elif kind in (".glb", ".gltf"):
-        surfaces, textures, remarks, crs = read_gltf_surfaces(path)
-        remarks += note_sideways_gltf(surfaces, path.name)
-    else:
-        surfaces, remarks = read_plain_mesh(path)
+    readers = {".npz": _read_npz, ".obj": read_obj_surfaces, ".glb": read_gltf_surfaces, ".gltf": read_gltf_surfaces}
+    surfaces, textures, found, faults, crs = readers.get(kind, read_plain_mesh)(path)
+    remarks = list(found)
     stated = keys.crs or crs
     frame = None if stated is None else parse_crs(stated)
     if kind in UP_AXIS_SUFFIXES:
@@ -73,9 +63,9 @@ def read_mesh_buildings(path: Path, lod: str | None = None, keys: SourceKeys = N
         raise InputError(f"{path} holds no triangles; export the buildings as a mesh")
     check_earth_centred(surfaces, path)
     models, broken = group_into_models(merge_surface_names(surfaces), path.stem, remarks)
-    models, others = select_plausible_models(models, path, is_metric=frame is None or not frame.is_geographic)
-    models, textures = _drop_unused_textures(models, textures)
-    return BuildingModels(crs, models, textures, (*remarks, *others), (*faults, *broken))
+    models, others = select_plausible_models(models, path, frame)
+    kept, textures = select_textures(models, textures)
+    return BuildingModels(crs, tuple(kept), textures, (*remarks, *others), (*faults, *broken))
 
 
 def _place_by_comments(
@@ -91,19 +81,7 @@ def _place_by_comments(
     return surfaces, remarks + turned
 
 
-def _drop_unused_textures(
-    models: tuple[BuildingModel, ...], textures: tuple[Path, ...]
-) -> tuple[tuple[BuildingModel, ...], tuple[Path, ...]]:
-    used = sorted({int(index) for model in models for index in np.unique(model.shell.texture)} - {-1})
-    if len(used) == len(textures):
-        return models, textures
-    number = np.full(len(textures) + 1, -1, np.int32)  # index -1 maps to -1
-    number[used] = np.arange(len(used))
-    models = tuple(replace(m, shell=replace(m.shell, texture=number[m.shell.texture])) for m in models)
-    return models, tuple(textures[index] for index in used)
-
-
-def _read_npz(path: Path) -> tuple[list[MeshSurface], str | None]:
+def _read_npz(path: Path) -> MeshContent:
     """Read triangles (n, 3, 3), feature (n,) as the number of the building, and optional origin (3,) and epsg ()."""
     wanted = "triangles (n, 3, 3), feature (n,) of integers and, if needed, origin (3,) and epsg"
     names = ("triangles", "feature", "origin", "epsg")
@@ -117,15 +95,15 @@ def _read_npz(path: Path) -> tuple[list[MeshSurface], str | None]:
         crs = f"EPSG:{int(arrays['epsg'])}" if "epsg" in arrays else None
     if triangles.size > 9 * LIMITS.max_triangles:
         raise InputError(f"{path} holds over {LIMITS.max_triangles} triangles; cut out the block that is meant")
-    fits = triangles.ndim == 3 and triangles.shape[1:] == (3, 3) and triangles.dtype.kind in "fiu"
-    if not (fits and feature.shape == triangles.shape[:1] and feature.dtype.kind in "iu" and origin.shape == (3,)):
+    fits = (feature.ndim, triangles.shape, origin.shape) == (1, (*feature.shape, 3, 3), (3,))
+    if not fits or triangles.dtype.kind not in "fiu" or feature.dtype.kind not in "iu":
         raise InputError(
             f"{path}: triangles {triangles.shape}, feature {feature.shape}, {feature.dtype}; give {wanted}"
         )
-    order = np.argsort(feature, kind="stable")
-    ends = np.flatnonzero(np.diff(feature[order])) + 1
-    parts = np.split(order, ends) if len(order) else []
-    return [
-        MeshSurface(str(feature[part[0]]), "unknown", np.asarray(triangles[part], np.float64) + origin)
-        for part in parts
-    ], crs
+    numbers, counts = np.unique(feature, return_counts=True)
+    parts = np.split(np.argsort(feature, kind="stable"), np.cumsum(counts)[:-1])
+    surfaces = [
+        MeshSurface(str(number), "unknown", np.asarray(triangles[part], np.float64) + origin)
+        for number, part in zip(numbers, parts, strict=False)
+    ]
+    return MeshContent(surfaces, crs=crs)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from array import array
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -14,7 +14,13 @@ from catalogs.features import Fault, Remark
 from catalogs.readers.faces import PlanarFace, triangulate_faces
 from catalogs.readers.material_colours import parse_colour_shares
 from catalogs.readers.meshes.material_options import TexturePlacement, parse_texture_statement
-from catalogs.readers.meshes.surfaces import MeshSurface, is_interior_class, is_surface_name, semantic_from_names
+from catalogs.readers.meshes.surfaces import (
+    MeshContent,
+    MeshSurface,
+    is_interior_class,
+    is_surface_name,
+    semantic_from_names,
+)
 from catalogs.readers.referenced_files import OUTSIDE_FOLDER_REASON, find_referenced_file, unread_file_reason
 from catalogs.readers.settings import LIMITS
 from catalogs.readers.vectors.colours import Colour
@@ -56,8 +62,52 @@ class _ObjContent:
     libraries: list[str] = field(default_factory=list)
     has_vertex_colours: bool = False
 
+    def add_face(self, words: Sequence[str], label: FaceLabel) -> None:
+        """Add a face by the words of its corners; lines and points are none."""
+        if len(words) < 3:
+            return
+        self.sizes.append(len(words))
+        self.label.append(self.labels.setdefault(label, len(self.labels)))
+        for word in words:
+            vertex, _, rest = word.partition("/")
+            self.vertex.append(_parse_index(vertex, len(self.vertices) // 3))
+            self.coordinate.append(_parse_index(rest.partition("/")[0], len(self.coordinates) // 2) if rest else -1)
 
-def read_obj_surfaces(path: Path) -> tuple[list[MeshSurface], tuple[Path, ...], list[Remark], list[Fault]]:
+
+@dataclass(slots=True)
+class _Materials:
+    """Existing picture (map_Kd) of each material with its placement, and the colours (Kd) of materials."""
+
+    pictures: dict[str, tuple[Path, TexturePlacement]] = field(default_factory=dict)
+    colours: dict[str, Colour] = field(default_factory=dict)
+    remarks: list[Remark] = field(default_factory=list)
+
+    def read_library(self, path: Path, file: Path) -> None:
+        """Add the materials of a library of the model `path`."""
+        material = ""
+        for line in _logical_lines(file):
+            key, _, value = line.strip().partition(" ")
+            key = key.lower()
+            if key == "newmtl":
+                material = value.strip()
+            elif key == "kd" and (colour := parse_colour_shares(_parse_floats(value.split()[:3], 3))):
+                self.colours[material] = colour
+            elif key == _PICTURE_KEYS[0] or (key in _PICTURE_KEYS and material not in self.pictures):
+                self._add_picture(path, file, material, value)
+
+    def _add_picture(self, path: Path, file: Path, material: str, statement: str) -> None:
+        # options may precede the name; many exporters write an absolute folder
+        stated, placement = parse_texture_statement(statement.replace("\\", "/"))
+        names = [stated, *stated.split()[-1:]]
+        found = [name for whole in names for name in (whole, *_ends_of_path(whole))]
+        if picture := find_referenced_file(path, *found, folder=file.parent):
+            self.pictures[material] = (picture, placement)
+        else:
+            reason = unread_file_reason(path, *names, folder=file.parent)
+            self.remarks.append(Remark(stated, reason or "pictures named by materials but absent", None))
+
+
+def read_obj_surfaces(path: Path) -> MeshContent:
     """Read surfaces by building and semantic, the pictures that they use, remarks and faults.
 
     Coordinates are those of the file.
@@ -70,27 +120,28 @@ def read_obj_surfaces(path: Path) -> tuple[list[MeshSurface], tuple[Path, ...], 
     text = _parse_obj(path)
     if not text.labels:
         raise InputError(f"{path} holds no faces; export the model as polygons or triangles")
-    pictures, colours, remarks = _read_material_libraries(path, text.libraries)
-    textures = tuple(dict.fromkeys(picture for picture, _ in pictures.values()))
+    materials = _read_material_libraries(path, text.libraries)
+    textures = tuple(dict.fromkeys(picture for picture, _ in materials.pictures.values()))
     if text.has_vertex_colours:
-        remarks.append(Remark(path.name, VERTEX_COLOUR_REASON, None))
+        materials.remarks.append(Remark(path.name, VERTEX_COLOUR_REASON, None))
 
     objects = {label[0] for label in text.labels} - {None}
-    piped = any("|" in (label[1] or "") for label in text.labels)
-    by_object = len(objects) > 1 and not piped
-    kinds = [_surface_key(label, by_object, pictures, textures, colours) for label in text.labels]
-    named = {_building_name(label, by_object) for label in text.labels}
-    empty = sorted({_building_name(label, by_object) for label in text.declared} - named - {None}, key=str)
-    faults = [Fault(str(name), "building", f"group {name} of {path.name} has no faces; give it some") for name in empty]
-    return list(_build_surfaces(text, kinds)), textures, remarks, faults
+    by_object = len(objects) > 1 and not any("|" in (label[1] or "") for label in text.labels)
+    kinds = [_surface_key(label, by_object, materials, textures) for label in text.labels]
+    empty = _find_empty_buildings(text, by_object)
+    faults = [Fault(name, "building", f"group {name} of {path.name} has no faces; give it some") for name in empty]
+    return MeshContent(list(_build_surfaces(text, kinds)), textures, materials.remarks, faults)
+
+
+def _find_empty_buildings(text: _ObjContent, by_object: bool) -> list[str]:
+    named, declared = (
+        {_building_name(label, by_object) for label in labels} for labels in (text.labels, text.declared)
+    )
+    return sorted(map(str, declared - named - {None}))
 
 
 def _surface_key(
-    label: FaceLabel,
-    by_object: bool,
-    pictures: Mapping[str, tuple[Path, TexturePlacement]],
-    textures: Sequence[Path],
-    colours: Mapping[str, Colour],
+    label: FaceLabel, by_object: bool, materials: _Materials, textures: Sequence[Path]
 ) -> SurfaceKey | None:
     """Return the surface of a label; None for an interior."""
     _, group, material = label
@@ -98,9 +149,9 @@ def _surface_key(
     if is_interior_class(kind):
         return None
     semantic = semantic_from_names(kind, group if by_object or is_surface_name(group or "") else None, material)
-    picture, placement = pictures.get(material or "", (None, TexturePlacement()))
+    picture, placement = materials.pictures.get(material or "", (None, TexturePlacement()))
     texture = -1 if picture is None else textures.index(picture)
-    colour = colours.get(material or "") if picture is None else None
+    colour = materials.colours.get(material or "") if picture is None else None
     return _building_name(label, by_object), semantic, texture, placement, colour
 
 
@@ -118,7 +169,6 @@ def _building_name(label: FaceLabel, by_object: bool) -> str | None:
 def _parse_obj(path: Path) -> _ObjContent:
     text = _ObjContent()
     label: FaceLabel = (None, None, None)
-    number = -1
     for line in _logical_lines(path):
         words = line.split()
         key = words[0] if words else ""
@@ -126,27 +176,17 @@ def _parse_obj(path: Path) -> _ObjContent:
             text.vertices.extend(_parse_floats(words[1:4], 3))
             text.has_vertex_colours |= len(words) >= 7
         elif key == "f":
-            if len(words) < 4:
-                continue
-            if number < 0:
-                number = text.labels.setdefault(label, len(text.labels))
-            text.sizes.append(len(words) - 1)
-            text.label.append(number)
-            for word in words[1:]:
-                vertex, _, rest = word.partition("/")
-                text.vertex.append(_parse_index(vertex, len(text.vertices) // 3))
-                text.coordinate.append(_parse_index(rest.partition("/")[0], len(text.coordinates) // 2) if rest else -1)
+            text.add_face(words[1:], label)
         elif key == "vt":
             text.coordinates.extend(_parse_floats([*words[1:3], "0"][:2], 2))
         elif key in ("g", "o", "usemtl"):
             name = line.strip()[len(key) :].strip()
-            if key == "o":
-                label = (name, None, label[2])
-            else:
-                label = (label[0], name, label[2]) if key == "g" else (label[0], label[1], name)
+            object_name, group, material = label
+            label = {"o": (name, None, material), "g": (object_name, name, material)}.get(
+                key, (object_name, group, name)
+            )
             if key != "usemtl":
                 text.declared.add(label)
-            number = -1
         elif key == "mtllib":
             text.libraries.append(line.strip()[6:].strip())
     return text
@@ -229,39 +269,15 @@ def _ends_of_path(name: str) -> list[str]:
     return ["/".join(parts[start:]) for start in range(1, len(parts))]
 
 
-def _read_material_libraries(
-    path: Path, libraries: list[str]
-) -> tuple[dict[str, tuple[Path, TexturePlacement]], dict[str, Colour], list[Remark]]:
-    """Return the existing picture (map_Kd) of each material with its placement, and the colours (Kd) of materials."""
-    pictures: dict[str, tuple[Path, TexturePlacement]] = {}
-    colours: dict[str, Colour] = {}
-    remarks = []
+def _read_material_libraries(path: Path, libraries: list[str]) -> _Materials:
+    materials = _Materials()
     for library in libraries:
         for name in [library] if find_referenced_file(path, library) else library.split():
             file = find_referenced_file(path, name)
             if file is None:
                 is_outside = unread_file_reason(path, name) == OUTSIDE_FOLDER_REASON
                 where = "outside the model's folder: not read" if is_outside else "but absent"
-                remarks.append(Remark(Path(name).name, f"material files named by the model {where}", None))
-                continue
-            material = ""
-            for line in _logical_lines(file):
-                key, _, value = line.strip().partition(" ")
-                if key.lower() == "newmtl":
-                    material = value.strip()
-                elif key.lower() == "kd":
-                    if colour := parse_colour_shares(_parse_floats(value.split()[:3], 3)):
-                        colours[material] = colour
-                elif key.lower() in _PICTURE_KEYS:
-                    if key.lower() != _PICTURE_KEYS[0] and material in pictures:
-                        continue
-                    # options may precede the name; many exporters write an absolute folder
-                    stated, placement = parse_texture_statement(value.replace("\\", "/"))
-                    names = [stated, *stated.split()[-1:]]
-                    found = [name for whole in names for name in (whole, *_ends_of_path(whole))]
-                    if picture := find_referenced_file(path, *found, folder=file.parent):
-                        pictures[material] = (picture, placement)
-                    else:
-                        reason = unread_file_reason(path, *names, folder=file.parent)
-                        remarks.append(Remark(stated, reason or "pictures named by materials but absent", None))
-    return pictures, colours, remarks
+                materials.remarks.append(Remark(Path(name).name, f"material files named by the model {where}", None))
+            else:
+                materials.read_library(path, file)
+    return materials

@@ -10,7 +10,7 @@ import numpy as np
 
 from catalogs.features import Remark
 from catalogs.reader_errors import wrap_reader_errors
-from catalogs.readers.meshes.surfaces import MeshSurface
+from catalogs.readers.meshes.surfaces import MeshContent, MeshSurface
 from catalogs.readers.settings import MODELS
 from facade_core.core.arrays import Float64Array, Int64Array, UInt8Array
 from facade_core.core.regular_files import MAX_MODEL_BYTES, read_regular
@@ -26,7 +26,7 @@ UNREAD_COLOURS_REASON = (
 STL_COLOURS_REASON = "STL files with colours of faces: read without; export the model as PLY or glTF"
 
 
-def read_plain_mesh(path: Path) -> tuple[list[MeshSurface], list[Remark]]:
+def read_plain_mesh(path: Path) -> MeshContent:
     """Read PLY or STL: the surfaces by the colour of their faces, and remarks on what is not read.
 
     The colour of a face is the mean of its corners. White is no colour, since many programs write it everywhere.
@@ -46,7 +46,7 @@ def read_plain_mesh(path: Path) -> tuple[list[MeshSurface], list[Remark]]:
     meshes = [mesh for mesh in scene.geometry.values() if isinstance(mesh, trimesh.Trimesh)]
     surfaces = [surface for mesh in meshes for surface in _split_by_colour(mesh)]
     reasons = dict.fromkeys(reason for mesh in meshes if (reason := _unread_colours(mesh)))
-    return surfaces, [Remark(path.name, reason, None) for reason in reasons]
+    return MeshContent(surfaces, remarks=[Remark(path.name, reason, None) for reason in reasons])
 
 
 def _split_by_colour(mesh: Trimesh) -> list[MeshSurface]:

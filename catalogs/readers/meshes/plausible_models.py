@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +14,9 @@ from catalogs.readers.meshes.surfaces import MeshSurface
 from catalogs.readers.settings import MODELS
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
+
+if TYPE_CHECKING:
+    from pyproj import CRS
 
 # Names of objects that programs export along with buildings.
 _OTHER_OBJECT = re.compile(
@@ -40,7 +44,7 @@ def check_earth_centred(surfaces: Sequence[MeshSurface], path: Path) -> None:
 
 
 def select_plausible_models(
-    models: Sequence[BuildingModel], path: Path, *, is_metric: bool
+    models: Sequence[BuildingModel], path: Path, frame: CRS | None
 ) -> tuple[tuple[BuildingModel, ...], list[Remark]]:
     """Return the models that may be buildings, and remarks on the others.
 
@@ -48,7 +52,7 @@ def select_plausible_models(
     ----------
     models : models of the file.
     path : file.
-    is_metric : False where x and y are degrees.
+    frame : frame of x and y, None where it is unknown.
 
     Raises
     ------
@@ -66,13 +70,15 @@ def select_plausible_models(
             sizes.append(size)
     if models and not kept:
         raise InputError(f"{path} holds flat models or terrain only; give one with buildings (of y-up files: up: y)")
-    if kept and is_metric:
-        _check_unit(np.array(sizes), path)
+    if kept:
+        _check_unit(np.array(sizes), path, frame)
     return tuple(kept), remarks
 
 
-def _check_unit(sizes: Float64Array, path: Path) -> None:
+def _check_unit(sizes: Float64Array, path: Path, frame: CRS | None) -> None:
     """Raise InputError where models of sizes (n, 3) are of another unit than metres."""
+    if frame is not None and frame.is_geographic:
+        return
     height, longest = float(np.median(sizes[:, 2])), float(sizes.max())
     if height > MODELS.max_median_height_m or longest < MODELS.min_largest_model_m:
         raise InputError(

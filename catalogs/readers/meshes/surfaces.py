@@ -6,6 +6,8 @@ import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -55,6 +57,16 @@ class MeshSurface:
     colour: Colour | None = None
 
 
+class MeshContent(NamedTuple):
+    """Surfaces of a mesh file, with the pictures that their texture indices refer to, and the frame that it states."""
+
+    surfaces: list[MeshSurface]
+    textures: tuple[Path, ...] = ()
+    remarks: Sequence[Remark] = ()
+    faults: Sequence[Fault] = ()
+    crs: str | None = None
+
+
 def semantic_from_names(*names: str | None) -> str:
     """Return the member of SEMANTICS of the first name with a known word."""
     for name in names:
@@ -93,16 +105,8 @@ def group_into_models(
     remarks : receives remarks on models.
     """
     surfaces = [_mask_far_vertices(surface) for surface in surfaces if len(surface.corners)]
-    by_name: dict[str, list[MeshSurface]] = defaultdict(list)
-    for surface in surfaces:
-        by_name[surface.building or stem].append(surface)
-    groups: Iterable[tuple[str, list[MeshSurface]]] = by_name.items()
-    if len(by_name) == 1:
-        groups = _split_components(surfaces, next(iter(by_name)))
-    elif _are_surface_names(surfaces):
-        groups = _split_components(_merge_by_kind(surfaces), stem)
     models, faults = [], []
-    for name, parts in groups:
+    for name, parts in _group_surfaces(surfaces, stem):
         shell = _build_shell(parts)
         if shell is None:
             reason = f"model {name} has no triangle with an area; give it faces, or take its name out of the file"
@@ -119,6 +123,17 @@ def group_into_models(
             coloured = [(one.semantic, _triangle_normals(one.corners), one.colour) for one in parts if one.colour]
             models.append(BuildingModel(name, shell, finish=choose_finish(coloured, name, remarks)))
     return tuple(models), tuple(faults)
+
+
+def _group_surfaces(surfaces: Sequence[MeshSurface], stem: str) -> Iterable[tuple[str, list[MeshSurface]]]:
+    by_name: dict[str, list[MeshSurface]] = defaultdict(list)
+    for surface in surfaces:
+        by_name[surface.building or stem].append(surface)
+    if len(by_name) == 1:
+        return _split_components(surfaces, next(iter(by_name)))
+    if _are_surface_names(surfaces):
+        return _split_components(_merge_by_kind(surfaces), stem)
+    return by_name.items()
 
 
 def _triangle_normals(corners: Float64Array) -> Float64Array:
@@ -169,8 +184,6 @@ def _merge_by_kind(surfaces: Sequence[MeshSurface]) -> list[MeshSurface]:
 def _build_shell(surfaces: Sequence[MeshSurface]) -> BuildingShell | None:
     """Return a shell with shared vertices and without degenerate triangles; None where nothing is left."""
     corners = np.concatenate([surface.corners for surface in surfaces])
-    if len(corners) == 0:
-        return None
     sizes = [len(surface.corners) for surface in surfaces]
     vertices, index = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
     triangles = index.reshape(-1, 3).astype(np.int32)
@@ -191,9 +204,6 @@ def _build_shell(surfaces: Sequence[MeshSurface]) -> BuildingShell | None:
 def _split_components(surfaces: Sequence[MeshSurface], name: str) -> Iterator[tuple[str, list[MeshSurface]]]:
     """Yield (name, surfaces) of each building component: name-0, name-1, ... for several."""
     corners = np.concatenate([surface.corners for surface in surfaces])
-    if len(corners) == 0:
-        yield name, list(surfaces)
-        return
     building = _merge_overlapping(corners, _connected_components(corners))
     finite = np.where(np.isfinite(corners), corners, np.inf)
     west = np.full((building.max() + 1, 2), np.inf)
@@ -207,10 +217,9 @@ def _split_components(surfaces: Sequence[MeshSurface], name: str) -> Iterator[tu
     for surface, places in zip(surfaces, np.split(rank[building], ends), strict=True):
         in_order = np.argsort(places, kind="stable")
         for chosen in np.split(in_order, np.flatnonzero(np.diff(places[in_order])) + 1):
-            if len(chosen):
-                uv = None if surface.uv is None else surface.uv[chosen]
-                part = MeshSurface(name, surface.semantic, surface.corners[chosen], surface.texture, uv, surface.colour)
-                found[places[chosen[0]]].append(part)
+            uv = None if surface.uv is None else surface.uv[chosen]
+            part = replace(surface, building=name, corners=surface.corners[chosen], uv=uv)
+            found[places[chosen[0]]].append(part)
     for index, parts in enumerate(found):
         yield name if len(found) == 1 else f"{name}-{index}", parts
 

@@ -67,7 +67,7 @@ def _find_up(surfaces: Sequence[MeshSurface]) -> str | None:
     semantics = np.repeat([one.semantic for one in filled], [len(one.corners) for one in filled])[sound]
     level, upright = np.isin(semantics, _LEVEL_SEMANTICS), np.isin(semantics, _UPRIGHT_SEMANTICS)
     normals, areas = normals[sound], areas[sound]
-    if not level.any() and not upright.any():
+    if not (level | upright).any():
         return _find_axis_of_floor(normals, areas)
     along = normals**2 / areas[:, None]
     fit = along[level].sum(axis=0) + (areas[upright, None] - along[upright]).sum(axis=0)

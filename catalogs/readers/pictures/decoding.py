@@ -56,7 +56,7 @@ class Picture:
 
 
 def read_picture(
-    path: Path, *, max_pixels: int = PICTURES.max_pixels, max_side: int | None = None, min_side: int = 1
+    path: Path, *, max_pixels: int = PICTURES.max_pixels, max_side: float = math.inf, min_side: int = 1
 ) -> Picture:
     """Read a picture as sRGB in the orientation of its EXIF; the first of several frames.
 
@@ -68,7 +68,7 @@ def read_picture(
     ----------
     path : file of one of PILLOW_FORMATS.
     max_pixels : limit of the result.
-    max_side : limit of the longer side of the result, pixels; None for none.
+    max_side : limit of the longer side of the result, pixels.
     min_side : minimum of the shorter side of the result, pixels.
 
     Raises
@@ -79,7 +79,7 @@ def read_picture(
     """
     with open_picture(path) as image:
         width, height = image.size
-        scale = min(1.0, math.sqrt(max_pixels / (width * height)), (max_side or math.inf) / max(width, height))
+        scale = min(1.0, math.sqrt(max_pixels / (width * height)), max_side / max(width, height))
         size = (round(height * scale), round(width * scale))
         if min(size) < min_side:
             small = f" ({size[1]} x {size[0]} where its longer side is reduced to {max(size)})" if scale < 1 else ""
@@ -128,13 +128,7 @@ def open_picture(path: Path) -> Iterator[Image]:
                 formats = _heif_formats(path)
             # a file object: by name Pillow maps files into memory, which rotates them wrongly and crashes where they shrink
             with open_regular(path) as file, Image.open(file, formats=formats) as image:
-                width, height = image.size
-                if width * height > (
-                    most := PICTURES.max_webp_pixels if image.format == "WEBP" else PICTURES.max_pixels
-                ):
-                    raise _size_error(path, most)
-                if min(width, height) < 1:
-                    raise ImageError(f"{path.name} is {width} x {height} pixels; {REMEDY}")
+                _check_size(path, image)
                 yield image
     except ImageError:
         raise
@@ -193,6 +187,15 @@ def _heif_formats(path: Path) -> tuple[str, ...]:
 
     pillow_heif.register_heif_opener(thumbnails=False)
     return ("HEIF",)
+
+
+def _check_size(path: Path, image: Image) -> None:
+    width, height = image.size
+    most = PICTURES.max_webp_pixels if image.format == "WEBP" else PICTURES.max_pixels
+    if width * height > most:
+        raise _size_error(path, most)
+    if min(width, height) < 1:
+        raise ImageError(f"{path.name} is {width} x {height} pixels; {REMEDY}")
 
 
 def _size_error(path: Path, max_pixels: int) -> ImageError:

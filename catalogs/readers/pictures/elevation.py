@@ -20,7 +20,7 @@ from catalogs.readers.pictures.rasters import (
 )
 from catalogs.readers.pictures.virtual_rasters import check_virtual_raster
 from catalogs.readers.settings import PICTURES
-from facade_core.core.arrays import Float32Array, Float64Array
+from facade_core.core.arrays import Float32Array, Float64Array, IntArray
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import open_regular
 from facade_core.core.types import ElevationRaster
@@ -103,7 +103,6 @@ def _read_around(
     from pyproj import Transformer
     from rasterio import Affine
     from rasterio.enums import Resampling
-    from rasterio.errors import RasterioError
     from rasterio.transform import from_origin, rowcol, xy
     from rasterio.warp import reproject
     from rasterio.windows import Window
@@ -114,12 +113,7 @@ def _read_around(
         raise InputError(
             f"{path} states no frame; put its .prj beside it, or write it in with gdal_translate -a_srs EPSG:n"
         )
-    if raster.count >= 3 and set(raster.dtypes[:3]) == {"uint8"}:
-        raise InputError(
-            f"{path} has {raster.count} bands of 8 bits, which is a picture; give heights in metres in one band"
-        )
-    if raster.dtypes[0].startswith("complex"):
-        raise InputError(f"{path} has complex numbers for heights; give their real part as a GeoTIFF")
+    _check_bands(raster, path)
     to_own = Transformer.from_crs(crs, raster_crs, always_xy=True)
 
     x, y = np.meshgrid(np.linspace(bounds[0], bounds[2], 21), np.linspace(bounds[1], bounds[3], 21))
@@ -134,21 +128,11 @@ def _read_around(
         raise InputError(
             f"{path} has cells of {native:g} m; resample it to {PICTURES.min_elevation_cell_m:g} m with gdalwarp -tr"
         )
-    step = max(PICTURES.min_elevation_cell_m, round(native, 6))
-    while True:
-        # Cell centres coincide with those of the raster in the same CRS, so that heights stay exact.
-        first = (
-            np.floor((np.array([bounds[0], bounds[1]]) - cells[0]) / step).astype(int) - PICTURES.elevation_margin_cells
-        )
-        last = (
-            np.ceil((np.array([bounds[2], bounds[3]]) - cells[0]) / step).astype(int) + PICTURES.elevation_margin_cells
-        )
-        width, height = (last - first + 1).tolist()
-        if width * height <= PICTURES.max_elevation_cells:
-            break
-        step *= 1.05
+    step, first, last = _choose_grid(bounds, cells[0], native)
+    width, height = (last - first + 1).tolist()
+    margin = PICTURES.elevation_margin_cells
 
-    spare = 2 + 2 * PICTURES.elevation_margin_cells * step / native
+    spare = 2 + 2 * margin * step / native
     left, right = np.clip([columns.min() - spare, columns.max() + spare], 0, raster.width)
     top, bottom = np.clip([rows.min() - spare, rows.max() + spare], 0, raster.height)
     window = Window(int(left), int(top), math.ceil(right) - int(left), math.ceil(bottom) - int(top))
@@ -160,22 +144,7 @@ def _read_around(
             f"gdalwarp -tr {PICTURES.min_elevation_cell_m:g} {PICTURES.min_elevation_cell_m:g}"
         )
     shape = max(1, round(window.height / coarser)), max(1, round(window.width / coarser))
-    try:
-        found = raster.read(1, window=window, out_shape=shape, masked=True, resampling=Resampling.average)
-    except RasterioError as error:
-        place = _find_damaged_place(raster, window)
-        if place is None:
-            raise
-        raise InputError(
-            f"{path} has damaged cells around {place} ({raster_crs.to_string()[:60]}), in the surroundings of the block; "
-            "fetch the file again, or cut that place out with gdal_translate -projwin"
-        ) from error
-    unit = _height_unit(raster, raster_crs)
-    with np.errstate(invalid="ignore", over="ignore"):  # values out of range become unknown
-        source = np.ma.filled(found.astype(np.float32), np.nan)
-        source = (source * np.float32(raster.scales[0]) + np.float32(raster.offsets[0])) * np.float32(unit)
-        source[~((source > PICTURES.elevation_range_m[0]) & (source < PICTURES.elevation_range_m[1]))] = np.nan
-
+    source = _read_heights(raster, path, raster_crs, window, shape)
     west, north = cells[0] + (first[0] * step, last[1] * step)
     heights = np.full((height, width), np.nan, np.float32)
     cell = raster.window_transform(window)
@@ -191,14 +160,56 @@ def _read_around(
         dst_nodata=np.nan,
         resampling=Resampling.bilinear,
     )
-    inner = heights[
-        PICTURES.elevation_margin_cells : height - PICTURES.elevation_margin_cells,
-        PICTURES.elevation_margin_cells : width - PICTURES.elevation_margin_cells,
-    ]
-    if not np.isfinite(inner).any():
+    if not np.isfinite(heights[margin : height - margin, margin : width - margin]).any():
         raise InputError(_coverage_message(raster, path, raster_crs, crs, bounds, "has no known height inside"))
     _check_slope(heights, step, path)
     return ElevationRaster(float(west), float(north), step, heights)
+
+
+def _choose_grid(
+    bounds: tuple[float, float, float, float], origin: Float64Array, native: float
+) -> tuple[float, IntArray, IntArray]:
+    """Return the side of the cells around bounds, metres, and the first and last column and row from an origin."""
+    step = max(PICTURES.min_elevation_cell_m, round(native, 6))
+    while True:
+        # Cell centres coincide with those of the raster in the same CRS, so that heights stay exact.
+        first = np.floor((np.array(bounds[:2]) - origin) / step).astype(int) - PICTURES.elevation_margin_cells
+        last = np.ceil((np.array(bounds[2:]) - origin) / step).astype(int) + PICTURES.elevation_margin_cells
+        if math.prod((last - first + 1).tolist()) <= PICTURES.max_elevation_cells:
+            return step, first, last
+        step *= 1.05
+
+
+def _check_bands(raster: DatasetReader, path: Path) -> None:
+    if raster.count >= 3 and set(raster.dtypes[:3]) == {"uint8"}:
+        raise InputError(
+            f"{path} has {raster.count} bands of 8 bits, which is a picture; give heights in metres in one band"
+        )
+    if raster.dtypes[0].startswith("complex"):
+        raise InputError(f"{path} has complex numbers for heights; give their real part as a GeoTIFF")
+
+
+def _read_heights(raster: DatasetReader, path: Path, crs: CRS, window: Window, shape: tuple[int, int]) -> Float32Array:
+    """Return the heights of a window in metres, averaged to a shape (rows, columns), NaN where unknown."""
+    from rasterio.enums import Resampling
+    from rasterio.errors import RasterioError
+
+    try:
+        found = raster.read(1, window=window, out_shape=shape, masked=True, resampling=Resampling.average)
+    except RasterioError as error:
+        place = _find_damaged_place(raster, window)
+        if place is None:
+            raise
+        raise InputError(
+            f"{path} has damaged cells around {place} ({crs.to_string()[:60]}), in the surroundings of the block; "
+            "fetch the file again, or cut that place out with gdal_translate -projwin"
+        ) from error
+    unit = _height_unit(raster, crs)
+    with np.errstate(invalid="ignore", over="ignore"):  # values out of range become unknown
+        source = np.ma.filled(found.astype(np.float32), np.nan)
+        source = (source * np.float32(raster.scales[0]) + np.float32(raster.offsets[0])) * np.float32(unit)
+        source[~((source > PICTURES.elevation_range_m[0]) & (source < PICTURES.elevation_range_m[1]))] = np.nan
+    return np.asarray(source)
 
 
 def _height_unit(raster: DatasetReader, crs: CRS) -> float:

@@ -124,15 +124,18 @@ def _gpano_view(pano: Mapping[str, str]) -> tuple[float, float, float, float]:
 
     ValueError where the part is impossible.
     """
-    full = [_finite_number(pano.get(f"FullPano{side}Pixels")) for side in ("Width", "Height")]
-    part = [_finite_number(pano.get(f"CroppedAreaImage{side}Pixels")) for side in ("Width", "Height")]
-    corner = [_finite_number(pano.get(f"CroppedArea{side}Pixels")) or 0.0 for side in ("Left", "Top")]
-    if any(value is None or value == 0 for value in (*full, *part)):
+
+    def pixels(name: str) -> float:
+        return _finite_number(pano.get(f"{name}Pixels")) or 0.0
+
+    spans = [
+        (pixels(f"FullPano{side}"), pixels(f"CroppedAreaImage{side}"), pixels(f"CroppedArea{edge}"))
+        for side, edge in (("Width", "Left"), ("Height", "Top"))
+    ]
+    if not all(whole and length for whole, length, _ in spans):
         return _FULL_VIEW
     shares = []
-    for whole, length, start in zip(full, part, corner, strict=True):
-        assert whole
-        assert length
+    for whole, length, start in spans:
         # writers round, and some start a picture at any column of the circle
         if not (1 <= length <= 1.01 * whole <= PICTURES.max_full_side_px and -whole <= start <= whole):
             raise ValueError(

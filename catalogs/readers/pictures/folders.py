@@ -102,12 +102,15 @@ def _list_pictures(folder: Path, kind: str) -> tuple[list[Path], list[Fault]]:
         if (reason := unread_reason(path))
     ]
     if not found:
-        remedy = faults[0].reason if faults else f"put {', '.join(IMAGE_SUFFIXES[:4])} files there"
-        near = [folder.parent] if any(is_picture_name(path.name) for path in folder.parent.iterdir()) else []
-        if near := [*near, *(folder / fault.id for fault in faults if (folder / fault.id).is_dir())]:
-            remedy = f"did you mean {near[0]}?"
-        raise InputError(f"{folder} holds no pictures; {remedy}")
+        raise InputError(f"{folder} holds no pictures; {_remedy_without_pictures(folder, faults)}")
     return found, faults
+
+
+def _remedy_without_pictures(folder: Path, faults: list[Fault]) -> str:
+    near = [folder.parent] if any(is_picture_name(path.name) for path in folder.parent.iterdir()) else []
+    if near := [*near, *(folder / fault.id for fault in faults if (folder / fault.id).is_dir())]:
+        return f"did you mean {near[0]}?"
+    return faults[0].reason if faults else f"put {', '.join(IMAGE_SUFFIXES[:4])} files there"
 
 
 def _name_problem(path: Path) -> str | None:

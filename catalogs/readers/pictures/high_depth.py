@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -81,14 +82,7 @@ def read_high_bit_depth(path: Path, factor: int) -> tuple[UInt8Array, BoolArray]
         windows = [
             Window(0, row, raster.width, min(step, raster.height - row)) for row in range(0, raster.height, step)
         ]
-        low, high, opaque = math.inf, -math.inf, 0.0
-        for window in windows:
-            values = _read_values(raster, bands, window)
-            finite = values[:, np.isfinite(values).all(axis=0)]
-            if finite.size:
-                low, high = min(low, float(finite.min())), max(high, float(finite.max()))
-            if transparent:
-                opaque = max(opaque, float(raster.read(transparent, window=window).max()))
+        low, high, opaque = _value_ranges(raster, bands, transparent, windows)
         most = _white_value(path, raster.dtypes[0], low, high)
         shape = (math.ceil(raster.height / factor), math.ceil(raster.width / factor))
         rgb, hidden = np.empty((*shape, 3), np.uint8), np.empty(shape, bool)
@@ -120,6 +114,20 @@ def _colour_bands(path: Path, raster: DatasetReader) -> tuple[list[int], int | N
     return list(range(1, colours + 1)), alpha, inverted
 
 
+def _value_ranges(
+    raster: DatasetReader, bands: list[int], transparent: int | None, windows: Iterable[Window]
+) -> tuple[float, float, float]:
+    """Return the lowest and the highest known value of the colours, and the highest of the alpha band."""
+    low, high, opaque = math.inf, -math.inf, 0.0
+    for window in windows:
+        values = _read_values(raster, bands, window)
+        finite = values[:, np.isfinite(values).all(axis=0)]
+        low, high = float(finite.min(initial=low)), float(finite.max(initial=high))
+        if transparent:
+            opaque = max(opaque, float(raster.read(transparent, window=window).max()))
+    return low, high, opaque
+
+
 def _read_values(raster: DatasetReader, bands: list[int], window: Window) -> Float32Array:
     """Return values (bands, rows, columns), NaN for nodata."""
     values = raster.read(bands, window=window)
@@ -139,14 +147,14 @@ def _white_value(path: Path, kind: str, low: float, high: float) -> float:
     span = f"{path.name} has values from {low:g} to {high:g} ({kind})"
     if kind.startswith("float"):
         white = 1.0 if high <= 1.05 else 255.0
-        wanted = "0 to 1 or 0 to 255"
+        wanted = "0 to 1 nor 0 to 255"
         fits = low >= -0.05 * white and white / 255 * PICTURES.min_peak_value <= high <= 1.05 * white
     else:
-        white = next((2.0**bits - 1 for bits in PICTURES.bit_depths if high < 2**bits), math.inf)
-        wanted = "0 to 255 or 0 to 65535"
-        fits = low >= 0 and PICTURES.min_peak_value <= high < math.inf and white < math.inf
+        white = next((2.0**bits - 1 for bits in PICTURES.bit_depths if high < 2**bits), 0.0)
+        wanted = "0 to 255 nor 0 to 65535"
+        fits = low >= 0 and PICTURES.min_peak_value <= high <= white
     if not fits:
-        raise ImageError(f"{span}, which are neither {wanted.replace(' or ', ' nor ')}; {REMEDY}")
+        raise ImageError(f"{span}, which are neither {wanted}; {REMEDY}")
     return white
 
 

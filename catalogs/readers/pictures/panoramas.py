@@ -16,7 +16,7 @@ from catalogs.reader_errors import fault_reason, to_single_line
 from catalogs.readers.pictures.embedded_poses import read_panorama_metadata
 from catalogs.readers.pictures.folders import list_images
 from catalogs.readers.pictures.poses import PosesFile, read_poses_file
-from catalogs.readers.pictures.source_poses import SourcePose, find_implausible_value
+from catalogs.readers.pictures.source_poses import SourcePose, find_implausible_value, is_on_earth
 from catalogs.readers.settings import PICTURES
 from facade_core.core.errors import InputError
 from facade_core.core.types import Pose
@@ -103,10 +103,8 @@ def read_panoramas(
     for path in paths:
         try:
             reader.read(path)
-        except ValueError as error:
-            reader.faults.append(Fault(path.name, "panorama", to_single_line(str(error))))
         except Exception as error:  # libraries raise errors of any class
-            reader.faults.append(Fault(path.name, "panorama", fault_reason(error, "mend its pose, or remove it")))
+            reader.faults.append(panorama_fault(path, error, "mend its pose, or remove it"))
     faults, items = reader.faults, reader.items
     if not reader.posed:
         remedy = "; ".join(format_unit_reason(fault.id, fault.reason) for fault in faults[:3])
@@ -116,10 +114,21 @@ def read_panoramas(
         reason = f"none of the pictures it names (e.g. {example}) is in {folder}; name files as they are there"
         faults.append(Fault(poses.name, "panorama", f"{poses.name}: {reason}"))
     if first_day := _parse_date(since):
-        older = {one.id for one in items if (day := _parse_date(one.captured)) and day < first_day}
-        reader.remarks += [Remark(id, f"panoramas from before {first_day} left out", None) for id in sorted(older)]
-        items = [one for one in items if one.id not in older]
+        items, remarks = _leave_out_older(items, first_day)
+        reader.remarks += remarks
     return PosedPanoramas(tuple(items), tuple(faults), (*reader.remarks, *outdated_remarks(items)))
+
+
+def _leave_out_older(items: Sequence[PosedPanorama], first_day: date) -> tuple[list[PosedPanorama], list[Remark]]:
+    older = {one.id for one in items if (day := _parse_date(one.captured)) and day < first_day}
+    remarks = [Remark(id, f"panoramas from before {first_day} left out", None) for id in sorted(older)]
+    return [one for one in items if one.id not in older], remarks
+
+
+def panorama_fault(path: Path, error: Exception, remedy: str) -> Fault:
+    """Return the fault of a picture that cannot be used; a ValueError states its remedy itself."""
+    is_stated = isinstance(error, ValueError)
+    return Fault(path.name, "panorama", to_single_line(str(error)) if is_stated else fault_reason(error, remedy))
 
 
 class _PanoramaReader:
@@ -153,24 +162,29 @@ class _PanoramaReader:
             raise ValueError(_missing_pose_reason(source, self.poses, entry))
         pose = project_pose(source, view, self._crs, self._frames)
         self.posed += 1
-        if self._is_distant(pose):
+        if is_distant(pose, self._bounds):
             self.remarks.append(Remark(path.stem, _DISTANT_REASON, None))
             return
+        self._check_twin(path)
+        reasons = self._entry_reasons(entry)
+        if stated is None:
+            reasons = (*source.remarks, *([_MAGNETIC_REASON] if magnetic else []), *reasons)
+        self.remarks += [Remark(path.stem, reason, None) for reason in reasons]
+        self.items.append(PosedPanorama(path.stem, path, pose, source.captured or taken))
+
+    def _entry_reasons(self, entry: SourcePose | str | None) -> tuple[str, ...]:
+        """Return the reasons of remarks on a picture by its entry in the poses file."""
+        if self.poses is None or not isinstance(entry, SourcePose):
+            return ()
+        if entry.heading is None:
+            return (*entry.remarks, _FOREIGN_POSE_REASON.format(file=self.poses.name))
+        return entry.remarks
+
+    def _check_twin(self, path: Path) -> None:
         alike = self._same_size.setdefault(path.stat().st_size, [])
         if twin := next((one for one in alike if file_digest(one) == file_digest(path)), None):
             raise ValueError(f"is the same picture as {twin.name}; remove one, or mend its file")
         alike.append(path)
-        reasons = [] if stated is not None else [*source.remarks, *([_MAGNETIC_REASON] if magnetic else [])]
-        if self.poses and isinstance(entry, SourcePose):
-            reasons += entry.remarks
-            reasons += [] if entry.heading is not None else [_FOREIGN_POSE_REASON.format(file=self.poses.name)]
-        self.remarks += [Remark(path.stem, reason, None) for reason in reasons]
-        self.items.append(PosedPanorama(path.stem, path, pose, source.captured or taken))
-
-    def _is_distant(self, pose: Pose) -> bool:
-        if not math.isfinite(pose.x + pose.y):
-            return True
-        return self._bounds is not None and distance_outside(pose, self._bounds) > PICTURES.max_panorama_distance_m
 
 
 def _match_letter_case(poses: Mapping[str, SourcePose | str], paths: Sequence[Path]) -> dict[str, SourcePose | str]:
@@ -229,6 +243,13 @@ def _missing_pose_reason(source: SourcePose | None, poses: Path | None, entry: S
     return f"{lacking}; give its pose in {poses.name if poses else 'a poses file'}, or remove it"
 
 
+def is_distant(pose: Pose, bounds: tuple[float, float, float, float] | None) -> bool:
+    """Return True for a pose of an unknown place, or too far from bounds, if any."""
+    if not math.isfinite(pose.x + pose.y):
+        return True
+    return bounds is not None and distance_outside(pose, bounds) > PICTURES.max_panorama_distance_m
+
+
 def distance_outside(pose: Pose, bounds: Sequence[float]) -> float:
     """Return the distance of a pose from bounds (xmin, ymin, xmax, ymax), metres, 0 inside."""
     xmin, ymin, xmax, ymax = bounds
@@ -262,15 +283,20 @@ def project_pose(
     if source.crs not in transformers:
         transformers[source.crs] = Transformer.from_crs(origin, crs, always_xy=True)
     transformer = transformers[source.crs]
-    if origin.is_geographic and not (abs(source.x) <= 360.0 and abs(source.y) <= 90.0):
+    if origin.is_geographic and not is_on_earth(source.x, source.y):
         raise ValueError(f"no place on earth is at longitude {source.x:g}, latitude {source.y:g}; mend its pose")
-    step = -1e-3 if source.y > 0 else 1e-3  # towards the equator, so that no pole is crossed
-    if not origin.is_geographic:
-        step = 100.0
+    step = 100.0
+    if origin.is_geographic:
+        step = -1e-3 if source.y > 0 else 1e-3  # towards the equator, so that no pole is crossed
+    x, y = transformer.transform(source.x, source.y)
+    heading = ((source.heading or 0.0) + _source_north(source, transformer, step, crs)) % 360.0
+    return Pose(float(x), float(y), source.z, heading, source.pitch, source.roll, view)
+
+
+def _source_north(source: SourcePose, transformer: Transformer, step: float, crs: CRS) -> float:
+    """Return the direction in the frame, degrees clockwise from up, of a step north in the system of the source."""
     x, y = transformer.transform(source.x, source.y)
     x_off, y_off = transformer.transform(source.x, source.y + step)
     across = math.cos(math.radians(y)) if crs.is_geographic else 1.0  # a degree of longitude over one of latitude
     east, up = (x_off - x) * across, y_off - y
-    north = math.degrees(math.atan2(east * step, up * step)) if math.isfinite(x_off + y_off) else 0.0
-    heading = (float(source.heading or 0.0) + north) % 360.0
-    return Pose(float(x), float(y), source.z, heading, source.pitch, source.roll, view)
+    return math.degrees(math.atan2(east * step, up * step)) if math.isfinite(x_off + y_off) else 0.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import re
 from functools import cache
 from pathlib import Path
 
@@ -26,12 +27,12 @@ _START_BYTES = 16
 _HEIF_BRANDS = frozenset((b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1"))
 # First bytes of the formats that are read -> format and suffix.
 _FORMATS = {
-    b"\xff\xd8\xff": ("JPEG", ".jpg"),
-    b"\x89PNG": ("PNG", ".png"),
-    b"II*\0": ("TIFF", ".tif"),
-    b"MM\0*": ("TIFF", ".tif"),
-    b"GIF8": ("GIF", ".gif"),
-    b"BM": ("BMP", ".bmp"),
+    re.compile(rb"\xff\xd8\xff"): ("JPEG", ".jpg"),
+    re.compile(rb"\x89PNG"): ("PNG", ".png"),
+    re.compile(rb"II\*\0|MM\0\*"): ("TIFF", ".tif"),
+    re.compile(rb"GIF8"): ("GIF", ".gif"),
+    re.compile(rb"BM"): ("BMP", ".bmp"),
+    re.compile(rb"RIFF.{4}WEBP", re.DOTALL): ("WEBP", ".webp"),
 }
 
 
@@ -64,12 +65,15 @@ def unread_reason(path: Path) -> str | None:
         return f"{name} is HEIC, which is not read here; {HEIF_REMEDY}"
     if suffix in COMPANION_SUFFIXES or path.stem.lower() in _COMPANION_NAMES:
         return None
-    start = _first_bytes(path)
+    return _unread_content_reason(path)
+
+
+def _unread_content_reason(path: Path) -> str:
+    """Return the reason why a file of an unknown suffix is not read, by its first bytes."""
+    name, suffix, start = path.name, path.suffix.lower(), _first_bytes(path)
     if is_heif(start):
         return f"{name} is HEIC under another name; rename it to {path.stem}.heic, and {HEIF_REMEDY}"
-    found = next((kind for magic, kind in _FORMATS.items() if start.startswith(magic)), None)
-    if start[:4] == b"RIFF" and start[8:12] == b"WEBP":
-        found = ("WEBP", ".webp")
+    found = next((kind for magic, kind in _FORMATS.items() if magic.match(start)), None)
     if found is None or (found[0] == "TIFF" and suffix):  # raw files of cameras are TIFF too
         kind = f"of the kind {suffix}" if suffix else "without a suffix"
         return f"{name} is {kind}, which is not read; save it as JPEG or PNG, or remove it"

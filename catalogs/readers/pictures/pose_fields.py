@@ -93,8 +93,8 @@ def read_field(record: JsonObject, key: str, crs: str | None) -> object:
     value: object = record[name]
     if isinstance(value, str) and key in _ANGLE_KEYS:
         value = value.rstrip("°º ")
-    if key in ("lon", "lat") and isinstance(value, str) and (degrees := _parse_sexagesimal(value)) is not None:
-        return degrees
+        if key in ("lon", "lat") and (degrees := _parse_sexagesimal(value)) is not None:
+            return degrees
     factor = _unit_factor(name, key, crs)
     if factor == 1.0 or not isinstance(value, str | int | float) or isinstance(value, bool):
         return value
@@ -121,13 +121,17 @@ def _unit_factor(name: str, key: str, crs: str | None) -> float:
     if key in _ANGLE_KEYS:
         return _ANGLE_UNITS.get(unit or "", 1.0)
     if key == "z":
-        return _LENGTH_UNITS[unit] if unit in _LENGTH_UNITS else 1.0 if crs is None else metres_per_height_unit(crs)
+        return _LENGTH_UNITS[unit] if unit in _LENGTH_UNITS else metres_per_height_unit(crs)
     if key in ("x", "y") and unit in _LENGTH_UNITS:
-        frame = None if crs is None else parse_crs(crs)
-        per_unit = 1.0 if frame is None or frame.is_geographic else float(frame.axis_info[0].unit_conversion_factor)
-        factor = _LENGTH_UNITS[unit] / per_unit
+        factor = _LENGTH_UNITS[unit] / _metres_per_unit(crs)
         return factor if abs(factor - 1.0) > 1e-5 else 1.0  # feet of the survey are feet
     return 1.0
+
+
+def _metres_per_unit(crs: str | None) -> float:
+    """Return the metres per unit of x and y; 1 for degrees and for the frame of the block."""
+    frame = None if crs is None else parse_crs(crs)
+    return 1.0 if frame is None or frame.is_geographic else float(frame.axis_info[0].unit_conversion_factor)
 
 
 def find_unused_fields(file: str, records: Iterable[JsonObject]) -> tuple[Remark, ...]:
@@ -137,13 +141,12 @@ def find_unused_fields(file: str, records: Iterable[JsonObject]) -> tuple[Remark
     for record in records:
         used |= {find_field(record, key) for key in FIELD_NAMES}
         names.update(dict.fromkeys(name for name, content in record.items() if _is_number(content)))
-    unused = [name for name in names if name not in used]
-    plain = {field_name(name) for name in unused}
-    sizes = {"width", "height"} if "width" in plain else set()
+    unused = {name: field_name(name) for name in names if name not in used}
+    sizes = {"width", "height"} if "width" in unused.values() else set()
     return tuple(
         Remark(escape_invisible(name)[: PICTURES.max_field_name_length], _UNUSED_REASON.format(file=file), None)
-        for name in unused
-        if field_name(name) not in sizes
+        for name, plain in unused.items()
+        if plain not in sizes
     )
 
 
@@ -197,24 +200,25 @@ def find_empty_fields(file: str, records: Mapping[str, JsonObject]) -> dict[str,
     -------
     Name of a record -> reasons that group panoramas.
     """
-    found: dict[str, list[str]] = {}
+    found: dict[str, tuple[str, ...]] = {}
     for key in ("heading", *_DEFAULTS):
         stated = {name: find_field(record, key) for name, record in records.items()}
         plain = {name: field_name(one) for name, one in stated.items() if one is not None}
-        order = [squeeze(one) for one in FIELD_NAMES[key]]
+        order = list(map(squeeze, FIELD_NAMES[key]))
         first = min(plain.values(), key=lambda one: order.index(squeeze(one)), default=None)
         if first is None:
             continue
         for name, field in stated.items():
-            if field is None and key in _DEFAULTS:
-                reason = f"panoramas whose {first} is empty in {file}, {_DEFAULTS[key]}"
-            elif field is not None and plain[name] != first:
-                other = escape_invisible(field)[: PICTURES.max_field_name_length]
-                reason = f"panoramas whose {first} is empty in {file}, {key} taken from {other}"
+            if plain.get(name) == first:
+                continue
+            if field is not None:
+                substitute = f"{key} taken from {escape_invisible(field)[: PICTURES.max_field_name_length]}"
+            elif key in _DEFAULTS:
+                substitute = _DEFAULTS[key]
             else:
                 continue
-            found.setdefault(name, []).append(reason)
-    return {name: tuple(reasons) for name, reasons in found.items()}
+            found[name] = (*found.get(name, ()), f"panoramas whose {first} is empty in {file}, {substitute}")
+    return found
 
 
 def _is_stated(content: object) -> bool:

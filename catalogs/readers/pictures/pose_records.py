@@ -5,11 +5,10 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Iterable, Iterator
-from itertools import chain
+from itertools import chain, dropwhile
 from pathlib import Path
 from typing import TypeAlias
 
-from catalogs.printable_text import short_repr
 from catalogs.readers.pictures.camera_angles import (
     camera_angles,
     camera_angles_from_rotation,
@@ -17,7 +16,7 @@ from catalogs.readers.pictures.camera_angles import (
     rotation_matrix,
 )
 from catalogs.readers.pictures.pose_fields import FIELD_NAMES, field_name, find_field, squeeze
-from catalogs.readers.pictures.source_poses import MAX_MAGNITUDES, finite_number
+from catalogs.readers.pictures.source_poses import topocentric_transformer
 from catalogs.readers.settings import PICTURES
 from facade_core.core.json_types import JsonObject
 
@@ -34,24 +33,21 @@ def csv_records(text: str) -> Iterator[tuple[str, PoseRecord]]:
     """Yield the rows of a table with the names of their pictures; a row that is unusable as an error."""
     lines, separator = _split_table(text)
     for row in csv.DictReader(lines, delimiter=separator):
-        record = {(key or "").strip(): (value or "").strip() for key, value in row.items() if isinstance(key, str)}
+        record = {key.strip(): (value or "").strip() for key, value in row.items() if isinstance(key, str)}
         if separator != ",":
             record = {key: _DECIMAL_COMMA.sub(r"\1.\2", value) for key, value in record.items()}
         if not any(record.values()) or next(iter(record.values())).startswith("#"):
             continue
         name = _picture_name(record)
-        is_longer = any(map(str.strip, row.get(None) or ()))
-        yield (
-            name,
-            ValueError("it has more cells than the header; quote those with a separator") if is_longer else record,
-        )
+        if any(map(str.strip, row.get(None, ()))):
+            yield name, ValueError("it has more cells than the header; quote those with a separator")
+        else:
+            yield name, record
 
 
 def _split_table(text: str) -> tuple[list[str], str]:
     """Return the lines of a table from its header on, and the separator of their cells."""
-    lines = text.splitlines()
-    while lines and (not lines[0].strip() or (lines[0].startswith(("#", "sep=")) and not _is_header(lines[0]))):
-        del lines[0]
+    lines = list(dropwhile(_precedes_header, text.splitlines()))
     header = lines[0].removeprefix("#") if lines else ""
     separator = max(",;\t", key=header.count)
     if separator not in header:
@@ -62,6 +58,10 @@ def _split_table(text: str) -> tuple[list[str], str]:
     return [header, *lines[1:]], separator
 
 
+def _precedes_header(line: str) -> bool:
+    return not line.strip() or (line.startswith(("#", "sep=")) and not _is_header(line))
+
+
 def _is_header(line: str) -> bool:
     """Return True for a line that names fields; the header of some programs begins with # as comments do."""
     known = {squeeze(name) for names in FIELD_NAMES.values() for name in names}
@@ -70,18 +70,21 @@ def _is_header(line: str) -> bool:
 
 def json_records(content: JsonObject | list[JsonObject]) -> tuple[object, list[tuple[str, PoseRecord]]]:
     """Return the frame that JSON of poses states, and its records with the names of their pictures."""
-    if isinstance(content, dict) and "camera_positions" in content:
+    if isinstance(content, list):
+        return _listed_records(content, None)
+    if "camera_positions" in content:
         positions = content["camera_positions"].items()
         return content.get("crs"), [
             (name, {**dict(zip("xyz", p, strict=False)), "heading": 0.0}) for name, p in positions
         ]
-    if isinstance(content, dict) and "poses" in content:
+    if "poses" in content:
         poses = content["poses"]
         named = poses.items() if isinstance(poses, dict) else ((_picture_name(record), record) for record in poses)
         return content.get("crs"), list(named)
-    crs = _geojson_crs(content) if isinstance(content, dict) else None
-    content = _find_records(content) or [content] if isinstance(content, dict) else content
-    assert isinstance(content, list)
+    return _listed_records(_find_records(content) or [content], _geojson_crs(content))
+
+
+def _listed_records(content: list[JsonObject], crs: str | None) -> tuple[str | None, list[tuple[str, PoseRecord]]]:
     if content and all("shots" in part for part in content):
         return None, list(chain.from_iterable(map(_reconstruction_shots, content)))
     return crs, [(_picture_name(record), record) for record in (_flatten_record(one, crs) for one in content)]
@@ -139,20 +142,7 @@ def _flatten_record(record: JsonObject, crs: str | None = None) -> JsonObject:
 
 def _reconstruction_shots(reconstruction: JsonObject) -> Iterable[tuple[str, PoseRecord]]:
     """Yield the equirectangular shots of an OpenSfM reconstruction (east, north, up around reference_lla)."""
-    from pyproj import Transformer
-
-    reference = reconstruction["reference_lla"]
-    found = [finite_number(reference.get(key), key) for key in ("longitude", "latitude")]
-    if None in found:
-        raise ValueError("its reference_lla states no longitude or no latitude")
-    place = [value or 0.0 for value in (*found, finite_number(reference.get("altitude"), "altitude"))]
-    if not (abs(place[0]) <= 360.0 and abs(place[1]) <= 90.0 and abs(place[2]) <= MAX_MAGNITUDES["z"]):
-        raise ValueError(f"its reference_lla {short_repr(place)} is no place on earth")
-    to_lonlat = Transformer.from_pipeline(
-        "+proj=pipeline +step +inv +proj=topocentric +ellps=WGS84"
-        f" +lon_0={place[0]} +lat_0={place[1]} +h_0={place[2]}"
-        " +step +inv +proj=cart +ellps=WGS84 +step +proj=unitconvert +xy_in=rad +xy_out=deg"
-    )
+    to_lonlat = topocentric_transformer(reconstruction["reference_lla"])
     for name, shot in reconstruction["shots"].items():
         try:
             camera = reconstruction["cameras"][shot["camera"]]

@@ -13,7 +13,6 @@ from catalogs.features import Remark
 from catalogs.printable_text import short_repr
 from catalogs.reader_errors import short_message, to_single_line, wrap_reader_errors
 from catalogs.readers.pictures.pose_fields import (
-    FIELD_NAMES,
     find_empty_fields,
     find_field,
     find_unread_days,
@@ -28,6 +27,7 @@ from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject, JsonValue
 from facade_core.core.regular_files import read_regular, require_regular
 
+_NUMBER_FIELDS = ("x", "y", "z", "lon", "lat", "heading", "pitch", "roll")
 _FORMAT_HINT = 'a CSV with file,x,y,z,heading columns or JSON {"crs": ..., "poses": {"FILE": {"x", "y", "heading"}}}'
 _TILT_REASON = (
     "panoramas that {file} tilts by over 45 degrees; pitch is 0 at the horizon (Metashape counts from straight down), roll 0 "
@@ -130,15 +130,9 @@ def _parse_pose(record: JsonObject, crs: str | None) -> SourcePose:
     """Return a record as a pose; ValueError with the missing or invalid field."""
     if not isinstance(record, dict):
         raise ValueError("it is no object in braces")
-    value = {
-        key: finite_number(read_field(record, key, crs), key) for key in FIELD_NAMES if key not in ("file", "captured")
-    }
+    value = {key: finite_number(read_field(record, key, crs), key) for key in _NUMBER_FIELDS}
     gps = record.get("exif_gps") or {}
-    x, y = value["x"], value["y"]
-    if (place := _lonlat(value, gps)) is not None:
-        x, y, crs = *place, LONLAT
-    if x is None or y is None:
-        raise ValueError("neither x and y nor lon and lat are given")
+    crs, x, y = _place(value, gps, crs)
     heading, tagged = value["heading"], finite_number(gps.get("GPSImgDirection"), "GPSImgDirection")
     # the list's own heading is the tag rounded to whole degrees
     if tagged is not None and (heading is None or abs(tagged - heading) <= 0.5):
@@ -155,17 +149,19 @@ def _parse_pose(record: JsonObject, crs: str | None) -> SourcePose:
     )
 
 
-def _lonlat(value: Mapping[str, float | None], gps: Mapping[str, TagValue]) -> tuple[float, float] | None:
-    """Return the longitude and latitude of fields, else of EXIF's tags; None without both."""
-    lon, lat = value["lon"], value["lat"]
+def _place(
+    value: Mapping[str, float | None], gps: Mapping[str, TagValue], crs: str | None
+) -> tuple[str | None, float, float]:
+    """Return frame, x and y: longitude and latitude of fields, else of EXIF's tags, else x and y in `crs`."""
+    lon, lat, x, y = (value[key] for key in ("lon", "lat", "x", "y"))
     if lon is not None and lat is not None:
-        return lon, lat
-    if "GPSLongitude" not in gps or "GPSLatitude" not in gps:
-        return None
-    return (
-        degrees_from_dms(gps["GPSLongitude"], gps.get("GPSLongitudeRef")),
-        degrees_from_dms(gps["GPSLatitude"], gps.get("GPSLatitudeRef")),
-    )
+        return LONLAT, lon, lat
+    if "GPSLongitude" in gps and "GPSLatitude" in gps:
+        lon = degrees_from_dms(gps["GPSLongitude"], gps.get("GPSLongitudeRef"))
+        return LONLAT, lon, degrees_from_dms(gps["GPSLatitude"], gps.get("GPSLatitudeRef"))
+    if x is None or y is None:
+        raise ValueError("neither x and y nor lon and lat are given")
+    return crs, x, y
 
 
 def _check_crs(path: Path, crs: object) -> str | None:

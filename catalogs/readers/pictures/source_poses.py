@@ -5,9 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from datetime import date
-from typing import SupportsFloat, TypeAlias
+from typing import TYPE_CHECKING, SupportsFloat, TypeAlias
 
 from catalogs.printable_text import short_repr
+from facade_core.core.json_types import JsonObject
+
+if TYPE_CHECKING:
+    from pyproj import Transformer
 
 # Largest magnitudes: metres of a position and above the sea, degrees of angles (cameras count headings beyond 360).
 MAX_MAGNITUDES = {"x": 1e8, "y": 1e8, "z": 1e4, "heading": 3600.0, "pitch": 360.0, "roll": 360.0}
@@ -50,6 +54,33 @@ def find_implausible_value(pose: SourcePose) -> str | None:
         if value is not None and not abs(value) <= most:
             return f"{key} is {value:g}, and at most {most:g} either way can be"
     return None
+
+
+def is_on_earth(lon: float, lat: float, height: float = 0.0) -> bool:
+    """Return True for a longitude, latitude and height in metres of a place on Earth."""
+    return abs(lon) <= 360.0 and abs(lat) <= 90.0 and abs(height) <= MAX_MAGNITUDES["z"]
+
+
+def topocentric_transformer(reference: JsonObject) -> Transformer:
+    """Return the transformer from east, north and up around an OpenSfM reference_lla to longitude, latitude and height.
+
+    Raises
+    ------
+    ValueError
+        Where the reference is no place on Earth.
+    """
+    from pyproj import Transformer
+
+    lon, lat, altitude = (finite_number(reference.get(key), key) for key in ("longitude", "latitude", "altitude"))
+    if lon is None or lat is None:
+        raise ValueError("its reference_lla states no longitude or no latitude")
+    height = altitude or 0.0
+    if not is_on_earth(lon, lat, height):
+        raise ValueError(f"its reference_lla {short_repr([lon, lat, height])} is no place on earth")
+    return Transformer.from_pipeline(
+        f"+proj=pipeline +step +inv +proj=topocentric +ellps=WGS84 +lon_0={lon} +lat_0={lat} +h_0={height}"
+        " +step +inv +proj=cart +ellps=WGS84 +step +proj=unitconvert +xy_in=rad +xy_out=deg"
+    )
 
 
 def finite_number(value: object, key: str) -> float | None:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from catalogs.reader_errors import short_message
+from catalogs.reader_errors import wrap_reader_errors
 from catalogs.readers.settings import PICTURES
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import read_regular
@@ -52,22 +52,7 @@ def check_virtual_raster(path: Path, check_source: Callable[[Path], object]) -> 
     path : VRT file.
     check_source : called with each source file.
     """
-    from defusedxml import ElementTree
-    from defusedxml.common import DefusedXmlException
-
-    if path.stat().st_size > PICTURES.max_vrt_bytes:
-        raise InputError(
-            f"{path} is XML of more than {PICTURES.max_vrt_bytes // 1_000_000} MB, no raster; give e.g. a GeoTIFF"
-        )
-    try:
-        root: Element = ElementTree.fromstring(read_regular(path, PICTURES.max_vrt_bytes), forbid_dtd=True)
-    except (ElementTree.ParseError, DefusedXmlException, ValueError, LookupError) as error:
-        raise InputError(
-            f"{path} is no raster, nor XML of one ({short_message(error)}); give e.g. a GeoTIFF"
-        ) from error
-    if root.tag != "VRTDataset":
-        raise InputError(f"{path} is XML ({str(root.tag)[:60]}), no raster; give e.g. a GeoTIFF")
-    for element in root.iter():
+    for element in _parse_virtual_raster(path).iter():
         if element.tag not in _ALLOWED_ELEMENTS:
             raise InputError(f"{path} is more than a mosaic of files ({str(element.tag)[:60]}); {REMEDY}")
         named = {name.lower(): value for name, value in element.attrib.items()}
@@ -75,6 +60,20 @@ def check_virtual_raster(path: Path, check_source: Callable[[Path], object]) -> 
             raise InputError(f"{path} is more than a mosaic of files ({', '.join(named.values())[:60]}); {REMEDY}")
         if element.tag == "SourceFilename":
             _check_source(path, (element.text or "").strip(), named.get("relativetovrt") == "1", check_source)
+
+
+def _parse_virtual_raster(path: Path) -> Element:
+    from defusedxml import ElementTree
+
+    if path.stat().st_size > PICTURES.max_vrt_bytes:
+        raise InputError(
+            f"{path} is XML of more than {PICTURES.max_vrt_bytes // 1_000_000} MB, no raster; give e.g. a GeoTIFF"
+        )
+    with wrap_reader_errors(path, "is no raster, nor XML of one", "give e.g. a GeoTIFF"):
+        root: Element = ElementTree.fromstring(read_regular(path, PICTURES.max_vrt_bytes), forbid_dtd=True)
+    if root.tag != "VRTDataset":
+        raise InputError(f"{path} is XML ({str(root.tag)[:60]}), no raster; give e.g. a GeoTIFF")
+    return root
 
 
 def _check_source(path: Path, text: str, relative: bool, check_source: Callable[[Path], object]) -> None:

@@ -25,10 +25,10 @@ def build_centrelines(
     Parts of one geometry become id-0, id-1, ...; the two directions of a street are merged. Features without a geometry, a
     length or finite coordinates are faults.
     """
-    items, faults = [], []
-    known: set[bytes] = set()
+    items: dict[bytes, Centreline] = {}
+    faults = []
     for id, geometry, name, tags in features:
-        parts = [] if geometry is None else [part for part in shapely.get_parts(geometry) if not part.is_empty]
+        parts = [part for part in shapely.get_parts(geometry) if not part.is_empty]
         if not parts:
             faults.append(Fault(id, "street", f"centreline {id} has no geometry; draw it, or remove it"))
         for index, part in enumerate(parts):
@@ -43,11 +43,10 @@ def build_centrelines(
                 reason = fault_reason(error)
             if reason:
                 faults.append(Fault(part_id, "street", f"centreline {part_id} {reason}", finite_points(part)))
-                continue
-            if key not in known:
-                known.add(key)
-                items.append(Centreline(part_id, line, name, tags if is_building_passage(tags) else None))
-    return CentrelinesAndGround(crs, tuple(items), tuple(faults))
+            else:
+                passage = tags if is_building_passage(tags) else None
+                items.setdefault(key, Centreline(part_id, line, name, passage))
+    return CentrelinesAndGround(crs, tuple(items.values()), tuple(faults))
 
 
 def is_building_passage(tags: Mapping[str, str]) -> bool:

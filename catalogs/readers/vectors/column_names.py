@@ -53,15 +53,12 @@ def match_known_columns(fields: Iterable[str], *, has_truncated_names: bool) -> 
     found: dict[str, str] = {}
     for field in fields:
         name = re.sub(r"[\s:.\-/()\[\]]+", "_", field.strip().lower()).lstrip("@_").rstrip("_")
-        names = (
-            [known for known in _KNOWN_COLUMNS if known[:10] == name and name not in _AMBIGUOUS_BEGINNINGS]
-            if has_truncated_names and len(name) == 10
-            else [name]
-        )
-        if not any(known in _KNOWN_COLUMNS for known in names):
+        names = {name}
+        if has_truncated_names and len(name) == 10 and name not in _AMBIGUOUS_BEGINNINGS:
+            names = {known for known in _KNOWN_COLUMNS if known.startswith(name)}
+        if names.isdisjoint(_KNOWN_COLUMNS):
             plain = _COLUMN_PREFIX.sub("", name)
-            names = [plain if plain in _KNOWN_COLUMNS else _JOINED_COLUMNS.get(plain, plain)]
-        for known in names:
-            if known in _KNOWN_COLUMNS:
-                found.setdefault(known, field)
+            names = {plain if plain in _KNOWN_COLUMNS else _JOINED_COLUMNS.get(plain, plain)}
+        for known in names & _KNOWN_COLUMNS:
+            found.setdefault(known, field)
     return found

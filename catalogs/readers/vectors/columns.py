@@ -40,13 +40,17 @@ def tags_from_records(
     columns : field by known column name.
     units : units of the columns.
     """
+
+    def stated(names: Sequence[str]) -> list[tuple[str, str]]:
+        return [(name, columns[name]) for name in names if name in columns]
+
     layer = _LayerColumns(
-        {tag: [(name, columns[name]) for name in names if name in columns] for tag, names in TAG_COLUMNS.items()},
-        [columns[name] for name in EXTRA_TAG_COLUMNS if name in columns],
-        [columns[name] for name in CLASS_COLUMNS if name in columns],
-        [columns[name] for name in ROOF_LEVEL_COLUMNS if name in columns],
-        [columns[name] for name in GROUND_LEVEL_COLUMNS if name in columns],
-        [(name, columns[name]) for name in GROUND_COLUMNS if name in columns],
+        {tag: stated(names) for tag, names in TAG_COLUMNS.items()},
+        stated(EXTRA_TAG_COLUMNS),
+        stated(CLASS_COLUMNS),
+        stated(ROOF_LEVEL_COLUMNS),
+        stated(GROUND_LEVEL_COLUMNS),
+        stated(GROUND_COLUMNS),
         units,
     )
     result = []
@@ -60,27 +64,27 @@ def tags_from_records(
 
 @dataclass(frozen=True, slots=True)
 class _LayerColumns:
-    """Known columns of a layer: (name, field) of each tag and of ground heights, fields of the others."""
+    """Known columns of a layer, (name, field)."""
 
     tags: Mapping[str, Sequence[tuple[str, str]]]
-    extras: Sequence[str]
-    classes: Sequence[str]
-    roof_levels: Sequence[str]
-    ground_levels: Sequence[str]
+    extras: Sequence[tuple[str, str]]
+    classes: Sequence[tuple[str, str]]
+    roof_levels: Sequence[tuple[str, str]]
+    ground_levels: Sequence[tuple[str, str]]
     grounds: Sequence[tuple[str, str]]
     units: ColumnUnits
 
     def read_tags(self, record: Mapping[str, object]) -> dict[str, str]:
         """Return the tags that a record states in columns of their own, or in one of all tags."""
         tags: dict[str, str] = {}
-        for field in self.extras:
+        for _, field in self.extras:
             tags |= _parse_tags(record[field])
         for tag, sources in self.tags.items():
             for name, field in sources:
                 if text := cell_text(record[field]):
                     tags[tag] = self._read_tag(tag, name, text)
                     break
-        if stated := [text for field in self.classes if (text := cell_text(record[field]))]:
+        if stated := [text for _, field in self.classes if (text := cell_text(record[field]))]:
             tags["class"] = "\n".join(stated)
         return tags
 
@@ -142,28 +146,26 @@ def cell_text(value: object) -> str:
         value = value.tolist()
     if isinstance(value, list) and len(value) == 1:
         value = value[0]
-    if isinstance(value, bool):
-        return "yes" if value else "no"
     if isinstance(value, dict):  # Overture: {"primary": name, ...}, {"value": surface, ...}
         return cell_text(value.get("primary", value.get("value")))
-    if isinstance(value, float):
-        return (
-            ""
-            if value != value
-            else str(int(value))
-            if value.is_integer() and abs(value) < MIN_INEXACT_INTEGER
-            else str(value)
-        )
-    text = "" if value is None else str(value[: VECTORS.max_cell_length] if isinstance(value, str) else value).strip()
+    return _scalar_text(value)
+
+
+def _scalar_text(value: object) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float) and value.is_integer() and abs(value) < MIN_INEXACT_INTEGER:
+        return str(int(value))
+    text = str(value[: VECTORS.max_cell_length] if isinstance(value, str) else value).strip()
     return "" if text.lower() in ("nan", "none", "null", "<na>", "nat") else text
 
 
 def _height_above_ground(
-    record: Mapping[str, object], roofs: Sequence[str], grounds: Sequence[str], unit: float
+    record: Mapping[str, object], roofs: Sequence[tuple[str, str]], grounds: Sequence[tuple[str, str]], unit: float
 ) -> tuple[str, str] | None:
     """Return the height above the ground and the height of the ground, from heights above the datum."""
     roof, ground = (
-        next((text for field in fields if (text := cell_text(record[field]))), "") for fields in (roofs, grounds)
+        next((text for _, field in fields if (text := cell_text(record[field]))), "") for fields in (roofs, grounds)
     )
     try:
         return f"{(float(roof) - float(ground)) * unit:.2f}", ground if unit == 1.0 else f"{float(ground) * unit:.4f}"

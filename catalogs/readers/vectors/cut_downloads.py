@@ -15,13 +15,15 @@ _REMEDY = "download the rest by pages and merge the files, or ask for a smaller 
 
 
 def note_cut_download(path: Path, row_count: int) -> list[Remark]:
-    """Return a remark where a GeoJSON file says that its server cut it off.
+    """Return a remark where a GeoJSON file says that its server cut it off; none for other files.
 
     Parameters
     ----------
     path : file.
     row_count : number of its features.
     """
+    if path.suffix.lower() not in (".geojson", ".json"):
+        return []
     with open_regular(path) as file:
         text = file.read(_END_BYTES)
         file.seek(max(len(text), path.stat().st_size - _END_BYTES))

@@ -75,14 +75,13 @@ def find_doubtful_heights(
 def _find_doubt(heights: Float64Array, tags: Sequence[Mapping[str, str]], *, is_unit_stated: bool) -> str | None:
     above = heights - _values(tags, "ground")
     low, high = VECTORS.above_ground_range_m
-    if np.isfinite(above).any() and (heights[np.isfinite(above)] > high).all():
-        above = above[np.isfinite(above)]
-        if ((above >= low) & (above <= high)).all():
-            return "but all are just above the heights of the ground beside them; write their difference"
+    is_just_above = (heights > high) & (above >= low) & (above <= high)
+    if np.isfinite(above).any() and is_just_above[np.isfinite(above)].all():
+        return "but all are just above the heights of the ground beside them; write their difference"
     if is_unit_stated or not np.isfinite(heights).any():
         return None
-    levels = [parse_floor_count(one.get("building:levels", "")) for one in tags]
-    storeys = heights / np.array([one if one else np.nan for one in levels], np.float64)
+    levels = [parse_floor_count(one.get("building:levels", "")) or np.nan for one in tags]
+    storeys = heights / np.array(levels, np.float64)
     if np.isfinite(storeys).any():
         middle, (low, high) = float(np.nanmedian(storeys)), VECTORS.storey_range_m
         if not low < middle < high:

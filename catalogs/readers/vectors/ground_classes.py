@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 # OpenStreetMap tag -> words of other sources: values of class columns or names of layers, in lower case and singular, with
 # underscores for punctuation.
@@ -95,16 +95,11 @@ def osm_ground_tags(tags: Mapping[str, str], layer: str = "", *, is_area: bool =
     found = {key: value for key, value in tags.items() if key != "class"}
     words = [normalize_word(one) for one in (*tags.get("class", "").split("\n"), layer)]
     if is_area:
-        meant = next(filter(None, (_look_up_word(word, TAGS_BY_AREA_WORD) for word in words)), None)
-        if meant is not None:
+        if meant := _look_up_words(words, TAGS_BY_AREA_WORD):
             key, _, tag_value = meant.partition("=")
             found[key] = tag_value
     elif "railway" not in found:
-        street = next(filter(None, (_look_up_word(word, HIGHWAYS_BY_WORD) for word in words)), None)
-        if not _TRAM_WORDS.isdisjoint(words):
-            found["railway"] = "tram"
-        elif street is not None and found.get("highway", "").removesuffix("_link") not in HIGHWAYS_BY_WORD:
-            found["highway"] = street
+        found |= _way_class(found, words)
     if "surface" in found:
         found["surface"] = SURFACES_BY_WORD.get(normalize_word(found["surface"]), found["surface"])
     return found | {
@@ -112,9 +107,18 @@ def osm_ground_tags(tags: Mapping[str, str], layer: str = "", *, is_area: bool =
     }
 
 
-def _look_up_word(word: str, table: Mapping[str, str]) -> str | None:
-    """Return the entry of a word, singular or plural."""
-    return table.get(word, table.get(word.removesuffix("s")))
+def _way_class(tags: Mapping[str, str], words: Sequence[str]) -> dict[str, str]:
+    """Return the tag of a tram or street that words name; none where the tags state a street."""
+    if not _TRAM_WORDS.isdisjoint(words):
+        return {"railway": "tram"}
+    street = _look_up_words(words, HIGHWAYS_BY_WORD)
+    is_stated = tags.get("highway", "").removesuffix("_link") in HIGHWAYS_BY_WORD
+    return {"highway": street} if street and not is_stated else {}
+
+
+def _look_up_words(words: Sequence[str], table: Mapping[str, str]) -> str | None:
+    """Return the entry of the first known word, singular or plural."""
+    return next(filter(None, (table.get(word, table.get(word.removesuffix("s"))) for word in words)), None)
 
 
 def _value_of_yes_no(key: str, word: str) -> str | None:

@@ -34,30 +34,25 @@ def assign_ids(records: list[dict[str, object]], columns: Mapping[str, str]) -> 
     ids : id of each record.
     remarks : remark by id.
     """
-    nearly: tuple[list[str], str] | None = None
-    stated = False
-    for name in ID_COLUMNS:
-        if name not in columns:
-            continue
-        texts = [_id_text(record, name, columns) for record in records]
-        stated = stated or any(texts)
-        if all(texts) and len({*texts}) == len(texts):
-            return texts, _inexact_ids(texts, records, columns[name])
-        if nearly is None and len({*texts} - {""}) >= VECTORS.min_unique_share * len(texts):
-            nearly = texts, columns[name]
-    if nearly is None:
-        ids = [str(row) for row in range(len(records))]
-        return ids, dict.fromkeys(ids if stated else (), _BY_ROW_REMARK)
-    texts, field = nearly
-    ids = _make_unique(texts)
-    numbered = {id: _NUMBERED_REMARK for id, text in zip(ids, texts, strict=True) if text and id != text}
-    return ids, _inexact_ids(ids, records, field) | numbered
+    stated = {name: [_id_text(record, name, columns) for record in records] for name in ID_COLUMNS if name in columns}
+    fitting = [name for name, texts in stated.items() if _count_ids(texts) >= VECTORS.min_unique_share * len(texts)]
+    if not fitting:
+        ids = list(map(str, range(len(records))))
+        return ids, dict.fromkeys(ids if any(map(any, stated.values())) else (), _BY_ROW_REMARK)
+    name = max(fitting, key=lambda name: _count_ids(stated[name]) == len(records))
+    ids = _make_unique(stated[name])
+    numbered = {id: _NUMBERED_REMARK for id, text in zip(ids, stated[name], strict=True) if text not in ("", id)}
+    return ids, _inexact_ids(ids, records, columns[name]) | numbered
+
+
+def _count_ids(texts: list[str]) -> int:
+    return len({*texts} - {""})
 
 
 def _id_text(record: Mapping[str, object], name: str, columns: Mapping[str, str]) -> str:
     """Return the id that a record states in a known column, with the first letter of its type in OpenStreetMap."""
     text = cell_text(record[columns[name]])
-    kind = next((columns[known] for known in ELEMENT_TYPE_COLUMNS if known in columns), None)
+    kind = next(filter(None, map(columns.get, ELEMENT_TYPE_COLUMNS)), None)
     if match := _OSM_ID.fullmatch(text):
         return f"{match[1][0]}{match[2]}"
     if text.isdigit() and kind is not None and name in ("id", "osmid", "osm_id"):

@@ -38,11 +38,14 @@ from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
     import pyarrow as pa
+    import pyarrow.parquet as pq
     from geopandas import GeoDataFrame
-    from pyproj import CRS
     from shapely.geometry.base import BaseGeometry
 
 _HEIGHT_TAGS = frozenset(("height", "height:eaves", "building:levels"))
+_UNREAD_NUMBERS_REASON = (
+    "columns of {file} with numbers that are not read; rename heights to height or height_ft, storeys to levels"
+)
 _PARQUET_SUFFIXES = (".parquet", ".geoparquet")
 _GEOMETRY_TYPES = {
     "outlines": ("Polygon", "Surface", "TIN", "Triangle"),
@@ -104,7 +107,7 @@ def read_layer_features(
             layer, others = _choose_layer(path, kind, name_hints)
         found = _read_table(path, layer, others, keys, with_numbers=kind == "outlines")
     types = {geometry.geom_type for geometry in found.geometries if geometry is not None} - {"GeometryCollection"}
-    if types and not any(known in one for one in types for known in _GEOMETRY_TYPES[kind]):
+    if types and not any(_is_of_kind(one, kind) for one in types):
         raise InputError(f"{path} holds no {kind} but {', '.join(sorted(types))}; give a file with {kind}")
     return found
 
@@ -129,10 +132,9 @@ def read_matching_layers(
         _check_file(path)
         if path.suffix.lower() in _PARQUET_SUFFIXES:
             return [_read_table(path, path.stem, (), keys)]
-        layers = [name for name, geometry in gdal_files.list_layers(path) if geometry is not None]
         return [
             _read_table(path, layer, (), keys)
-            for layer in layers
+            for layer in _list_drawn_layers(path)
             if is_wanted(
                 layer,
                 match_known_columns(
@@ -149,23 +151,17 @@ def _read_table(
     """Read a layer; with_numbers: name the columns of numbers that look like heights where none is known."""
     is_parquet = path.suffix.lower() in _PARQUET_SUFFIXES
     frame, columns = _read_parquet(path, with_numbers) if is_parquet else _read_layer(path, layer, with_numbers)
-    remarks: list[Remark] = []
-    if path.suffix.lower() == ".shp":
-        frame, assumed = decode_shapefile_table(frame, path, keys.encoding)
-        remarks += [Remark(path.name, f"Shapefiles {assumed}", None)] if assumed else []
+    frame, remarks = _decode_texts(frame, path, keys)
     geometries = frame.geometry.to_numpy()
-    known = keys.crs or frame.crs
-    unit = 1.0 if known is None else metres_per_height_unit(known)
+    unit = metres_per_height_unit(keys.crs or frame.crs)
     rows = frame.drop(columns=frame.geometry.name)
     records = rows.to_dict("records")
-    crs = _crs_name(frame.crs)
-    if crs == LONLAT and not _are_degrees(geometries):
-        crs = None
     ids, renamed = assign_ids(records, columns)
     units = column_units(columns, unit)
     tags = tags_from_records(records, columns, units)
     in_frame_units = assumed_units(tags, columns, units)
-    if with_numbers and unit != 1.0 and (heights := _scale_heights(geometries, unit)) is not None:
+    crs = _crs_name(frame)
+    if with_numbers and (heights := _scale_heights(geometries, unit)) is not None:
         geometries, in_frame_units = heights, [*in_frame_units, "z"]
     if in_frame_units:
         reason = (
@@ -176,20 +172,23 @@ def _read_table(
         mark_gutter_heights(tags, columns)
         remarks += ignore_measured_minima(tags, columns, path.name)
         remarks += find_doubtful_heights(tags, columns, units, path.name)
-    if path.suffix.lower() in (".geojson", ".json"):
-        remarks += note_cut_download(path, len(rows))
+    remarks += note_cut_download(path, len(rows))
     if with_numbers and _HEIGHT_TAGS.isdisjoint(chain.from_iterable(tags)):
         unread = rows.drop(columns=list(columns.values()), errors="ignore").select_dtypes("number")
-        reason = (
-            f"columns of {path.name} with numbers that are not read; rename heights to height or height_ft, storeys"
-        )
-        remarks += [Remark(str(name), f"{reason} to levels", None) for name in unread]
+        remarks += [Remark(str(name), _UNREAD_NUMBERS_REASON.format(file=path.name), None) for name in unread]
     return LayerFeatures(crs, ids, geometries, tags, renamed, layer, others, remarks)
 
 
+def _decode_texts(frame: GeoDataFrame, path: Path, keys: SourceKeys) -> tuple[GeoDataFrame, list[Remark]]:
+    if path.suffix.lower() != ".shp":
+        return frame, []
+    frame, assumed = decode_shapefile_table(frame, path, keys.encoding)
+    return frame, [Remark(path.name, f"Shapefiles {assumed}", None)] if assumed else []
+
+
 def _scale_heights(geometries: ObjectArray, unit: float) -> ObjectArray | None:
-    """Return geometries with z in metres; None where no z differs from zero."""
-    if not np.nan_to_num(shapely.get_coordinates(geometries, include_z=True)[:, 2]).any():
+    """Return geometries with z in metres; None where it is, or no z differs from zero."""
+    if unit == 1.0 or not np.nan_to_num(shapely.get_coordinates(geometries, include_z=True)[:, 2]).any():
         return None
     scaled = geometries.copy()
     solid = shapely.has_z(geometries)
@@ -213,20 +212,31 @@ def _raw_text(path: Path) -> dict[str, str]:
     return {"encoding": RAW_ENCODING} if path.suffix.lower() == ".shp" else {}
 
 
+def _list_drawn_layers(path: Path) -> dict[str, str]:
+    """Return the type of the geometries by layer."""
+    return {name: geometry for name, geometry in gdal_files.list_layers(path) if geometry is not None}
+
+
+def _is_of_kind(geometry_type: str, kind: str) -> bool:
+    return any(known in geometry_type for known in _GEOMETRY_TYPES[kind])
+
+
 def _choose_layer(path: Path, kind: str, name_hints: Sequence[str]) -> tuple[str, list[str]]:
-    listed = {name: geometry for name, geometry in gdal_files.list_layers(path) if geometry is not None}
-    fitting = [name for name, found in listed.items() if any(known in found for known in _GEOMETRY_TYPES[kind])]
+    listed = _list_drawn_layers(path)
+    fitting = [name for name, found in listed.items() if _is_of_kind(found, kind)]
     fitting = fitting or [name for name, found in listed.items() if found in ("Unknown", "GeometryCollection")]
     if not fitting:
         others = ", ".join(f"{name} ({found})" for name, found in listed.items()) or "no layer with geometry"
         raise InputError(f"{path} holds no {kind} but {others}; give a file with {kind}")
     chosen = min(fitting, key=lambda name: not any(word in name.lower() for word in name_hints))
-    return chosen, [name for name in listed if name != chosen]
+    del listed[chosen]
+    return chosen, list(listed)
 
 
 def _read_layer(path: Path, layer: str, with_numbers: bool) -> tuple[GeoDataFrame, dict[str, str]]:
     info = gdal_files.read_info(path, layer=layer, **_raw_text(path))
-    fields = decode_field_names(info["fields"]) if _raw_text(path) else {name: name for name in info["fields"]}
+    names = info["fields"]
+    fields = decode_field_names(names) if _raw_text(path) else dict(zip(names, names, strict=True))
     columns = match_known_columns(fields, has_truncated_names=_has_truncated_names(path))
     numbers = [
         name
@@ -248,9 +258,8 @@ def _read_layer(path: Path, layer: str, with_numbers: bool) -> tuple[GeoDataFram
     if frame.geometry.isna().any():
         frame = _restore_surfaces(frame, path, layer)
     whole = [str(name) for name, kind in zip(info["fields"], info["dtypes"], strict=True) if "int" in str(kind)]
-    return _restore_integers(frame, whole, lambda names: _read_integers(path, layer, names)).rename(
-        columns={raw: name for name, raw in fields.items()}
-    ), columns
+    frame = _restore_integers(frame, whole, lambda names: _read_integers(path, layer, names))
+    return frame.rename(columns=dict(zip(fields.values(), fields, strict=True))), columns
 
 
 def _restore_surfaces(frame: GeoDataFrame, path: Path, layer: str) -> GeoDataFrame:
@@ -294,27 +303,33 @@ def _read_parquet(path: Path, with_numbers: bool) -> tuple[GeoDataFrame, dict[st
     if geo is None:
         raise InputError(f"{path} is Parquet without GeoParquet's metadata; write it with geopandas or GDAL")
     columns = match_known_columns(schema.names, has_truncated_names=False)
-    numbers = [
-        field.name for field in schema if pyarrow.types.is_integer(field.type) or pyarrow.types.is_floating(field.type)
-    ]
-    wanted = {*columns.values(), *(numbers if with_numbers else ()), json.loads(geo)["primary_column"]}
+    whole = _fields_of_type(schema, pyarrow.types.is_integer)
+    wanted = {*columns.values(), json.loads(geo)["primary_column"]}
+    if with_numbers:
+        wanted.update(whole, _fields_of_type(schema, pyarrow.types.is_floating))
+    _check_unpacked_size(path, file, sorted(wanted.intersection(schema.names)))
+    frame = geopandas.read_parquet(path, columns=[name for name in schema.names if name in wanted])
+    return _restore_integers(frame, whole, lambda names: parquet.read_table(path, columns=names)), columns
+
+
+def _fields_of_type(schema: pa.Schema, is_of_type: Callable[[pa.DataType], bool]) -> list[str]:
+    return [field.name for field in schema if is_of_type(field.type)]
+
+
+def _check_unpacked_size(path: Path, file: pq.ParquetFile, columns: list[str]) -> None:
     unpacked, most = 0, max(VECTORS.min_unpack_limit_bytes, LIMITS.max_unpack_ratio * path.stat().st_size)
-    for batch in file.iter_batches(
-        batch_size=VECTORS.rows_per_batch, columns=sorted(wanted.intersection(schema.names))
-    ):
+    for batch in file.iter_batches(batch_size=VECTORS.rows_per_batch, columns=columns):
         # dictionary encoding hides the decoded size
         unpacked += sum(
             c.dictionary_decode().nbytes if hasattr(c, "dictionary_decode") else c.nbytes for c in batch.columns
         )
         if unpacked > most:
             raise InputError(f"{path} unpacks to over {LIMITS.max_unpack_ratio} times its size; export it again")
-    frame = geopandas.read_parquet(path, columns=[name for name in schema.names if name in wanted])
-    whole = [field.name for field in schema if pyarrow.types.is_integer(field.type)]
-    return _restore_integers(frame, whole, lambda names: parquet.read_table(path, columns=names)), columns
 
 
-def _crs_name(crs: CRS | None) -> str | None:
-    """Return EPSG:n of the horizontal part, else WKT; None for a local system."""
+def _crs_name(frame: GeoDataFrame) -> str | None:
+    """Return EPSG:n of the horizontal part, else WKT; None for a local system, and for degrees that are none."""
+    crs = frame.crs
     if crs is None:
         return None
     if crs.is_compound:
@@ -323,8 +338,9 @@ def _crs_name(crs: CRS | None) -> str | None:
         return None
     authority = crs.to_authority()
     if authority in (("OGC", "CRS84"), ("OGC", "CRS84h"), ("EPSG", "4979")):
-        return LONLAT
-    return ":".join(authority) if authority else crs.to_wkt()
+        authority = ("EPSG", "4326")
+    name = ":".join(authority) if authority else crs.to_wkt()
+    return None if name == LONLAT and not _are_degrees(frame.geometry.to_numpy()) else name
 
 
 def _are_degrees(geometries: ObjectArray) -> bool:

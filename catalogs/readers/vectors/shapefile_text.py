@@ -125,11 +125,12 @@ def decode_shapefile_table(frame: GeoDataFrame, path: Path, given: str | None) -
     cells = {(cell, widths.get(name)) for name in texts for cell in frame[name] if isinstance(cell, str)}
     decoder = choose_decoder(path, [cell for cell in cells if not cell[0].isascii()], given)
     for name in texts:
-        width = widths.get(name)
-        frame[name] = np.array(
-            [decoder.decode(cell, width) if isinstance(cell, str) else cell for cell in frame[name]], dtype=object
-        )
+        frame[name] = np.array(_decode_cells(frame[name], decoder, widths.get(name)), dtype=object)
     return frame, decoder.remark
+
+
+def _decode_cells(cells: Iterable[object], decoder: TextDecoder, width: int | None) -> list[object]:
+    return [decoder.decode(cell, width) if isinstance(cell, str) else cell for cell in cells]
 
 
 def decode_field_names(names: Iterable[str]) -> dict[str, str]:

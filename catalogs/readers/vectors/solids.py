@@ -37,8 +37,6 @@ def build_solid(geometry: BaseGeometry, *, is_lonlat: bool) -> BuildingShell | N
     geometry : polygons with z.
     is_lonlat : True for degrees, False for metres.
     """
-    if not shapely.has_z(geometry):
-        return None
     polygons = list(_iterate_polygons(geometry))
     heights = shapely.get_coordinates(geometry, include_z=True)[:, 2]
     if (
@@ -48,13 +46,13 @@ def build_solid(geometry: BaseGeometry, *, is_lonlat: bool) -> BuildingShell | N
     ):
         return None
     scale = _metres_per_unit(geometry) if is_lonlat else (1.0, 1.0)
-    rings = [[_ring_vertices(ring) for ring in (part.exterior, *part.interiors)] for part in polygons]
-    normals = np.array([newell_normal(group[0] * (*scale, 1.0)) for group in rings])
+    faces = [PlanarFace([_ring_vertices(ring) for ring in (part.exterior, *part.interiors)]) for part in polygons]
+    normals = np.array([newell_normal(face.rings[0] * (*scale, 1.0)) for face in faces])
     areas = np.linalg.norm(normals, axis=1)
     walls = (areas > VECTORS.min_face_area_m2) & (np.abs(normals[:, 2]) <= VECTORS.max_solid_wall_slope * areas)
     if np.count_nonzero(walls) < VECTORS.min_solid_walls:
         return None
-    shell = triangulate_faces([PlanarFace(group) for group in rings], scale)
+    shell = triangulate_faces(faces, scale)
     return None if shell is None else _turn_outwards(shell)
 
 
@@ -78,6 +76,14 @@ def convert_surface_wkb(content: bytes) -> bytes | None:
     return bytes(data) if end <= len(data) else None
 
 
+def _count_dimensions(code: int) -> int:
+    """Return the numbers per vertex of a type of geometry, with z and m as flags (EWKB) or in its thousands (ISO)."""
+    thousands = (code & 0x1FFFFFFF) // 1000
+    has_z = bool(code & 0x80000000) or thousands in (1, 3)
+    has_m = bool(code & 0x40000000) or thousands in (2, 3)
+    return 2 + has_z + has_m
+
+
 def _convert_geometry(data: bytearray, start: int, depth: int) -> int:
     """Replace the types of a geometry and its parts in place; returns the offset behind it."""
     if depth > VECTORS.max_nesting_depth or start >= len(data):
@@ -85,8 +91,6 @@ def _convert_geometry(data: bytearray, start: int, depth: int) -> int:
     order = "<" if data[start] else ">"
     code, count = struct.unpack_from(f"{order}II", data, start + 1)
     flags, plain = code & 0xE0000000, code & 0x1FFFFFFF
-    has_z = bool(flags & 0x80000000) or plain // 1000 in (1, 3)
-    has_m = bool(flags & 0x40000000) or plain // 1000 in (2, 3)
     kind = _EQUIVALENT_TYPES.get(plain % 1000, plain % 1000)
     struct.pack_into(f"{order}I", data, start + 1, flags | (plain // 1000 * 1000 + kind))
     place = start + 9
@@ -101,7 +105,7 @@ def _convert_geometry(data: bytearray, start: int, depth: int) -> int:
         raise ValueError(kind)
     for _ in range(count):
         (points,) = struct.unpack_from(f"{order}I", data, place)
-        place += 4 + points * 8 * (2 + has_z + has_m)
+        place += 4 + points * 8 * _count_dimensions(code)
         if place > len(data):
             raise ValueError(place)
     return place

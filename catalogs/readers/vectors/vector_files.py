@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeGuard
 
 import numpy as np
 import shapely
@@ -81,13 +81,13 @@ def read_vector_footprints(path: Path, lod: str | None = None, keys: SourceKeys 
     faults = []
     items = []
     degrees = features.crs == LONLAT
-    bases = _base_heights(features.geometries)
+    bases = _base_heights(features)
     from_osm = any(tags.get("building") == "yes" for tags in features.tags)
     for id, geometry, tags, base in zip(features.ids, features.geometries, features.tags, bases, strict=True):
-        if geometry is None or geometry.is_empty:
+        if not _is_drawn(geometry):
             faults.append(Fault(id, "building", f"footprint {id} has no geometry, or a broken one; draw or remove it"))
             continue
-        if tags.get("building") == "no" or (from_osm and "building" not in tags and not is_building_part(tags)):
+        if not _is_building(tags, from_osm):
             remarks.append(Remark(id, "outlines that are not tagged as buildings set aside", geometry))
             continue
         if not (np.abs(shapely.get_coordinates(geometry)) < LIMITS.max_coordinate).all():
@@ -108,9 +108,17 @@ def read_vector_footprints(path: Path, lod: str | None = None, keys: SourceKeys 
         if footprint is not None:
             if id in features.id_remarks:
                 remarks.append(Remark(id, f"buildings of {path.name} {features.id_remarks[id]}", geometry))
-            ground = tags.get("ground")
-            items.append(replace(footprint, base=float(ground) if ground else base, shell=shell))
+            items.append(replace(footprint, base=base, shell=shell))
     return Footprints(features.crs, tuple(items), tuple(remarks), tuple(faults))
+
+
+def _is_drawn(geometry: BaseGeometry | None) -> TypeGuard[BaseGeometry]:
+    return geometry is not None and not geometry.is_empty
+
+
+def _is_building(tags: Mapping[str, str], from_osm: bool) -> bool:
+    """Return False for an outline that is tagged as none, or has no tag in a layer of OpenStreetMap's buildings."""
+    return tags.get("building") != "no" and (not from_osm or "building" in tags or is_building_part(tags))
 
 
 def read_vector_centrelines(path: Path, keys: SourceKeys = NO_SOURCE_KEYS) -> CentrelinesAndGround:
@@ -134,11 +142,7 @@ def read_vector_centrelines(path: Path, keys: SourceKeys = NO_SOURCE_KEYS) -> Ce
             if opendrive and stated.get("junction") != "-1":
                 continue
             tags = stated if from_osm else osm_ground_tags(stated)
-            drawn = geometry is not None and not geometry.is_empty
-            if from_osm and "highway" not in tags:
-                continue
-            tunnel = (tags.get("tunnel") == "yes" or _is_no_road(stated)) and "highway" not in tags
-            if tunnel or "railway" in tags or ("highway" in tags and drawn and not is_street(geometry, tags)):
+            if (from_osm and "highway" not in tags) or not _is_viewed_street(geometry, tags, stated):
                 continue
             plain = {key: split_osmnx_values(value)[0] for key, value in tags.items() if key != "class"}
             yield id, geometry, plain.get("name"), plain
@@ -156,6 +160,15 @@ def read_vector_centrelines(path: Path, keys: SourceKeys = NO_SOURCE_KEYS) -> Ce
         ground += _project_ground_features(others, features.crs)
     remarks = (*features.remarks, *_id_remarks(found, features, path), *_width_remarks(features))
     return replace(found, remarks=remarks, ground=tuple(ground))
+
+
+def _is_viewed_street(geometry: BaseGeometry | None, tags: Mapping[str, str], stated: Mapping[str, str]) -> bool:
+    """Return True for a line of a street; lines without a geometry are reported later."""
+    if "railway" in tags:
+        return False
+    if "highway" in tags:
+        return not _is_drawn(geometry) or is_street(geometry, tags)
+    return tags.get("tunnel") != "yes" and not _is_no_road(stated)
 
 
 def _width_remarks(features: LayerFeatures) -> Iterator[Remark]:
@@ -243,13 +256,13 @@ def _layer_remarks(features: LayerFeatures) -> list[Remark]:
     ]
 
 
-def _base_heights(geometries: Sequence[BaseGeometry | None]) -> list[float | None]:
-    """Return the lowest z of each geometry; None for all where one has no z or all z are zero."""
-    drawn = [geometry for geometry in geometries if geometry is not None and not geometry.is_empty]
-    if not drawn or not shapely.has_z(drawn).all():
-        return [None] * len(geometries)
-    lowest = [_lowest_z(geometry) for geometry in geometries]
-    return lowest if any(lowest) else [None] * len(geometries)
+def _base_heights(features: LayerFeatures) -> list[float | None]:
+    """Return the stated ground of each outline, else its lowest z; not z where one has none or all are zero."""
+    drawn = list(filter(_is_drawn, features.geometries))
+    lowest = [_lowest_z(geometry) for geometry in features.geometries]
+    has_z = bool(drawn) and bool(shapely.has_z(drawn).all()) and any(lowest)
+    stated = [tags.get("ground") for tags in features.tags]
+    return [float(ground) if ground else z if has_z else None for ground, z in zip(stated, lowest, strict=True)]
 
 
 def _lowest_z(geometry: BaseGeometry | None) -> float | None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from catalogs.features import Remark
 from catalogs.printable_text import short_repr
+from catalogs.reader_errors import short_message, to_single_line
 from catalogs.readers.settings import CAMERAS
 from facade_core.core.arrays import Float64Array
 from facade_core.core.types import Lens
@@ -58,6 +59,24 @@ class CameraFile:
     to_lonlat: ToLonLat | None = None
     crs: str | None = None
     remarks: tuple[Remark, ...] = field(default=())
+
+
+def build_camera(
+    file: str, picture: str, lens: Lens | str, read_pose: Callable[[], tuple[Float64Array, Float64Array]]
+) -> SourceCamera | str:
+    """Return the camera of an entry with the centre and rotation that `read_pose` gives, or why it cannot be used."""
+    try:
+        if isinstance(lens, str):
+            raise ValueError(lens)
+        centre, rotation = read_pose()
+    except (ValueError, TypeError, KeyError) as error:
+        return entry_reason(file, picture, error)
+    return SourceCamera(centre, rotation, lambda _: lens)
+
+
+def entry_reason(file: str, picture: str, error: Exception) -> str:
+    """Return the reason why the entry of a picture cannot be used."""
+    return f"{file}: {to_single_line(picture[:80])}: {short_message(error)}; mend that entry"
 
 
 def picture_name(text: str) -> str:

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 
 from catalogs.crs import LONLAT
-from catalogs.reader_errors import short_message, to_single_line
+from catalogs.reader_errors import wrap_reader_errors
 from catalogs.readers.pictures.cameras.camera_file import (
     CameraFile,
     LensOfSize,
     SourceCamera,
     check_lens,
     check_position,
+    entry_reason,
     rotation_from_heading,
     rotation_from_omega_phi_kappa,
 )
@@ -27,7 +29,7 @@ from facade_core.core.json_types import JsonObject
 from facade_core.core.types import Lens
 
 # Angles of photogrammetry, and degrees of their units.
-_ANGLE = re.compile(r"^(omega|phi|kappa)[\s_.]*[\[(]?(deg|degrees?|°|rad|radians?|gon|grads?)?[\])]?$")
+_ANGLE = re.compile(r"^(omega|phi|kappa)[\s_.]*[\[(]?((?:deg|degrees?|°|rad|radians?|gon|grads?)?)[\])]?$")
 _DEGREES = {"rad": math.degrees(1.0), "gon": 0.9, "gra": 0.9}
 _FOCAL_NAMES = {
     "px": ("focal_px", "focal_length_px", "f_px", "focal_pixels", "focal"),
@@ -51,10 +53,8 @@ def read_camera_table(name: str, text: str, crs: str | None) -> CameraFile:
     InputError
         Where it holds no camera.
     """
-    try:
+    with wrap_reader_errors(name, "is no table of cameras", _HINT):
         records = list(csv_records(text))
-    except (ValueError, IndexError) as error:
-        raise InputError(f"{name} is no table of cameras ({short_message(error)}); {_HINT}") from error
     if not records:
         raise InputError(f"{name} holds no rows; {_HINT}")
     if len(records) > CAMERAS.max_rows:
@@ -68,7 +68,7 @@ def read_camera_table(name: str, text: str, crs: str | None) -> CameraFile:
         try:
             camera, uses_lonlat = _camera(record, crs)
         except (ValueError, TypeError, OverflowError) as error:
-            cameras[picture] = f"{name}: {to_single_line(picture[:80])}: {short_message(error)}; mend that entry"
+            cameras[picture] = entry_reason(name, picture, error)
         else:
             cameras[picture] = camera
             is_geographic |= uses_lonlat
@@ -90,9 +90,13 @@ def _camera(record: PoseRecord, crs: str | None) -> tuple[SourceCamera, bool]:
 
 def _rotation(record: JsonObject, crs: str | None) -> Float64Array:
     """Return the rotation (3, 3) of omega, phi and kappa, else of heading, pitch and roll."""
-    angles = {found[1]: (found[2] or "", record[key]) for key in record if (found := _ANGLE.match(key.strip().lower()))}
+    angles = {found[1]: (found[2], record[key]) for key in record if (found := _ANGLE.match(key.strip().lower()))}
     if len(angles) == 3:
         return rotation_from_omega_phi_kappa(*(_angle(which, *angles[which]) for which in ("omega", "phi", "kappa")))
+    return rotation_from_heading(*_heading_pitch_roll(record, crs))
+
+
+def _heading_pitch_roll(record: JsonObject, crs: str | None) -> tuple[float, float, float]:
     heading, pitch, roll = (finite_number(read_field(record, key, crs), key) for key in ("heading", "pitch", "roll"))
     if heading is None or pitch is None:
         raise ValueError("neither omega, phi and kappa nor heading and pitch are given")
@@ -102,7 +106,7 @@ def _rotation(record: JsonObject, crs: str | None) -> Float64Array:
             f"heading {heading:g}, pitch {pitch:g}, roll {roll:g} are no degrees; where they are radians, "
             "call the fields heading_rad, pitch_rad, roll_rad"
         )
-    return rotation_from_heading(heading, pitch, roll)
+    return heading, pitch, roll
 
 
 def _angle(name: str, unit: str, value: object) -> float:
@@ -117,35 +121,42 @@ def _angle(name: str, unit: str, value: object) -> float:
 
 def _lens(record: JsonObject) -> LensOfSize:
     """Return the lens of a row for the size of its picture."""
-    plain = {str(key).strip().lower().replace(" ", "_"): content for key, content in record.items() if content != ""}
-
-    def value(name: str) -> float | None:
-        return finite_number(plain.get(name), name)
-
-    unit, focal = next(
-        ((unit, value(name)) for unit, names in _FOCAL_NAMES.items() for name in names if plain.get(name) is not None),
-        ("", None),
-    )
-    if focal is None:
-        raise ValueError("no focal length is given: focal_px, focal_mm with sensor_width_mm, or focal_35mm")
-    sensor = value("sensor_width_mm")
-    if unit == "mm" and not sensor:
-        raise ValueError("focal_mm needs sensor_width_mm, the width of the sensor")
-    if unit == "px" and focal < CAMERAS.min_focal_px:
-        raise ValueError(f"a focal length of {focal:g} pixels is none; call millimetres focal_mm, with sensor_width_mm")
-    stated = (value("width"), value("height"))
-    cx, cy = value("cx"), value("cy")
-    k1, k2, k3, p1, p2 = (value(name) or 0.0 for name in _COEFFICIENTS)
+    fields = {str(key).strip().lower().replace(" ", "_"): content for key, content in record.items() if content != ""}
+    focal_px = _focal_px(fields)
+    stated_width, stated_height, cx, cy = (_number(fields, name) for name in ("width", "height", "cx", "cy"))
+    k1, k2, k3, p1, p2 = (_number(fields, name) or 0.0 for name in _COEFFICIENTS)
+    radial = (k1, k2, k3) if any((k1, k2, k3)) else ()
+    stated = (int(stated_width), int(stated_height)) if stated_width and stated_height else None
 
     def lens_of_size(size: tuple[int, int]) -> Lens:
-        width, height = (int(stated[0]), int(stated[1])) if stated[0] and stated[1] else size
-        pixels = focal
-        if unit == "mm":
-            pixels = focal / (sensor or 1.0) * width
-        elif unit == "35mm":
-            pixels = focal / DIAGONAL_35MM * math.hypot(width, height)
+        width, height = stated or size
+        pixels = focal_px(width, height)
         centre = (width / 2 if cx is None else cx, height / 2 if cy is None else cy)
-        radial = (k1, k2, k3) if k1 or k2 or k3 else ()
         return check_lens(Lens((width, height), (pixels, pixels), centre, radial, (), (p1, p2)))
 
     return lens_of_size
+
+
+def _focal_px(fields: JsonObject) -> Callable[[int, int], float]:
+    """Return the focal length in pixels for a width and height."""
+    unit, name = next(
+        ((unit, name) for unit, names in _FOCAL_NAMES.items() for name in names if fields.get(name) is not None),
+        ("px", "focal"),
+    )
+    focal = _number(fields, name)
+    if focal is None:
+        raise ValueError("no focal length is given: focal_px, focal_mm with sensor_width_mm, or focal_35mm")
+    sensor = _number(fields, "sensor_width_mm")
+    if unit == "35mm":
+        return lambda width, height: focal / DIAGONAL_35MM * math.hypot(width, height)
+    if unit == "mm":
+        if not sensor:
+            raise ValueError("focal_mm needs sensor_width_mm, the width of the sensor")
+        return lambda width, _: focal / sensor * width
+    if focal < CAMERAS.min_focal_px:
+        raise ValueError(f"a focal length of {focal:g} pixels is none; call millimetres focal_mm, with sensor_width_mm")
+    return lambda *_: focal
+
+
+def _number(fields: JsonObject, name: str) -> float | None:
+    return finite_number(fields.get(name), name)

@@ -13,7 +13,7 @@ from pyproj import CRS, Transformer
 
 from catalogs.crs import EARTH_RADIUS_M, LONLAT, has_east_north_axes, parse_crs
 from catalogs.features import Fault, Remark
-from catalogs.reader_errors import fault_reason, to_single_line, wrap_reader_errors
+from catalogs.reader_errors import to_single_line, wrap_reader_errors
 from catalogs.readers.json_text import parse_json
 from catalogs.readers.pictures.camera_angles import camera_angles
 from catalogs.readers.pictures.cameras.camera_file import CameraFile, SourceCamera, picture_name
@@ -28,11 +28,19 @@ from catalogs.readers.pictures.capture_dates import exif_capture_date
 from catalogs.readers.pictures.decoding import open_picture
 from catalogs.readers.pictures.embedded_poses import embedded_pose, read_exif_gps
 from catalogs.readers.pictures.folders import list_images
-from catalogs.readers.pictures.panoramas import PosedPanorama, PosedPanoramas, distance_outside, outdated_remarks
+from catalogs.readers.pictures.panoramas import (
+    PosedPanorama,
+    PosedPanoramas,
+    distance_outside,
+    is_distant,
+    outdated_remarks,
+    panorama_fault,
+)
 from catalogs.readers.pictures.source_poses import degrees_from_dms
-from catalogs.readers.settings import CAMERAS, PICTURES
+from catalogs.readers.settings import CAMERAS
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
+from facade_core.core.json_types import JsonObject, JsonValue
 from facade_core.core.regular_files import read_regular
 from facade_core.core.types import Pose
 
@@ -94,30 +102,25 @@ def read_cameras(
         try:
             headers[path] = _read_header(path)
             cameras[path] = _fit_to_picture(camera, headers[path])
-        except ValueError as error:
-            faults.append(Fault(path.name, "panorama", to_single_line(str(error))))
         except Exception as error:  # libraries raise errors of any class
-            faults.append(Fault(path.name, "panorama", fault_reason(error, "mend its entry, or remove it")))
+            faults.append(panorama_fault(path, error, "mend its entry, or remove it"))
     if not cameras:
-        stated = [fault.reason for fault in faults if not fault.reason.startswith(_NO_CAMERA)]
-        reason = next(iter((*stated, *(fault.reason for fault in faults))), "its pictures cannot be used")
+        reasons = sorted((fault.reason for fault in faults), key=lambda reason: reason.startswith(_NO_CAMERA))
+        reason = next(iter(reasons), "its pictures cannot be used")
         raise InputError(f"{folder} holds no picture with a camera in {file.name}: {reason}")
     remarks = [
         *file.remarks,
         *(Remark(name, f"cameras of {file.name} without a picture in {folder.name}", None) for name in unmatched),
     ]
-    to_block, note = _place(
-        file, list(cameras.values()), list(headers[path] for path in cameras), frame, bounds, control, crs
-    )
+    placed_headers = [headers[path] for path in cameras]
+    to_block, note = _place(file, list(cameras.values()), placed_headers, frame, bounds, control, crs)
     if note:
         remarks.append(Remark(file.name, note, None))
     posed = {path: _block_pose(camera, to_block, headers[path].size) for path, camera in cameras.items()}
     _check_upright(file.name, np.array([rotation for _, rotation in posed.values()]))
     items = []
     for path, (pose, _) in posed.items():
-        if not math.isfinite(pose.x + pose.y) or (
-            bounds and distance_outside(pose, bounds) > PICTURES.max_panorama_distance_m
-        ):
+        if is_distant(pose, bounds):
             remarks.append(Remark(path.stem, "cameras of another place skipped", None))
         else:
             items.append(PosedPanorama(path.stem, path, pose, headers[path].captured))
@@ -146,13 +149,16 @@ def _read_camera_file(path: Path, crs: str | None) -> CameraFile:
     with wrap_reader_errors(path, "is no file of cameras", f"give {_FORMATS}"):
         text = content.decode("utf-8-sig")
         if text.lstrip().startswith(("{", "[")):
-            value = parse_json(content, str(path))
-            listed = value if isinstance(value, list) else [value]
-            parts = [part for part in listed if isinstance(part, dict) and isinstance(part.get("shots", {}), dict)]
-            if len(parts) < len(listed):
-                raise ValueError("its JSON is no reconstruction")
-            return read_opensfm(path.name, parts)
+            return read_opensfm(path.name, _reconstruction_parts(parse_json(content, str(path))))
         return read_camera_table(path.name, text, crs)
+
+
+def _reconstruction_parts(value: JsonValue) -> list[JsonObject]:
+    listed = value if isinstance(value, list) else [value]
+    parts = [part for part in listed if isinstance(part, dict) and isinstance(part.get("shots", {}), dict)]
+    if len(parts) < len(listed):
+        raise ValueError("its JSON is no reconstruction")
+    return parts
 
 
 def _match(file: CameraFile, paths: Sequence[Path], faults: list[Fault]) -> tuple[dict[Path, SourceCamera], list[str]]:
@@ -162,7 +168,7 @@ def _match(file: CameraFile, paths: Sequence[Path], faults: list[Fault]) -> tupl
         by_name.setdefault(picture_name(name), []).append(name)
     by_stem: dict[str, list[str]] = {}
     for name, stated in by_name.items():
-        by_stem.setdefault(name if Path(name).suffix == "" else Path(name).stem, []).extend(stated)
+        by_stem.setdefault(Path(name).stem, []).extend(stated)
     matched: dict[Path, SourceCamera] = {}
     used: set[str] = set()
     stems: dict[str, Path] = {}
@@ -175,23 +181,22 @@ def _match(file: CameraFile, paths: Sequence[Path], faults: list[Fault]) -> tupl
             continue
         found = by_name.get(path.name) or by_stem.get(path.stem) or []
         used.update(found)
-        if not found:
-            faults.append(Fault(path.name, "panorama", f"{_NO_CAMERA} {file.name}; add its pose there, or remove it"))
-            continue
-        if len(found) > 1:
-            both = " and ".join(to_single_line(name[:60]) for name in found[:2])
-            faults.append(
-                Fault(
-                    path.name, "panorama", f"{both} in {file.name} may both be it; give the pictures names of their own"
-                )
-            )
-            continue
-        camera = file.cameras[found[0]]
+        camera = _choose_camera(file, found)
         if isinstance(camera, str):
             faults.append(Fault(path.name, "panorama", camera))
         else:
             matched[path] = camera
     return matched, [to_single_line(name[:80]) for name in file.cameras if name not in used]
+
+
+def _choose_camera(file: CameraFile, names: Sequence[str]) -> SourceCamera | str:
+    """Return the camera of a picture that a file lists under some names, or why it has none."""
+    if not names:
+        return f"{_NO_CAMERA} {file.name}; add its pose there, or remove it"
+    if len(names) > 1:
+        both = " and ".join(to_single_line(name[:60]) for name in names[:2])
+        return f"{both} in {file.name} may both be it; give the pictures names of their own"
+    return file.cameras[names[0]]
 
 
 def _read_header(path: Path) -> _Header:
@@ -247,34 +252,34 @@ def _place(
     crs: str | None,
 ) -> tuple[ToBlock, str]:
     """Return the function from positions and offsets in metres (n, 3) to the frame of the block, and a note on it."""
-    centres = np.array([camera.centre for camera in cameras])
     if control is not None:
-        names, source, target = read_control_points(
-            control, {n: c for n, c in file.cameras.items() if isinstance(c, SourceCamera)}, frame, crs
-        )
+        names, source, target = read_control_points(control, file.cameras, frame, crs)
         placement = place_by_control_points(control.name, names, source, target)
         return _by_placement(placement), placement.note
     if not file.is_local or crs is not None:
         return _by_frame(file.to_lonlat, file.crs or crs, frame), ""
     if any(header.gps is not None for header in headers):
-        places = np.full((len(cameras), 3), np.nan)
-        transformer = Transformer.from_crs(LONLAT, frame, always_xy=True)
-        for place, header in zip(places, headers, strict=True):
-            if header.gps is not None:
-                place[:] = (*transformer.transform(*header.gps[:2]), header.gps[2])
-        places[~np.isfinite(places[:, :2]).all(axis=1)] = np.nan
-        placement = place_by_gps(file.name, centres, np.array([camera.rotation for camera in cameras]), places)
+        placement = _place_by_gps(file.name, cameras, headers, frame)
         return _by_placement(placement), placement.note
-    if bounds and all(
-        distance_outside(Pose(float(centre[0]), float(centre[1]), None, 0.0), bounds)
-        <= PICTURES.max_panorama_distance_m
-        for centre in centres
+    if bounds and not any(
+        is_distant(Pose(float(camera.centre[0]), float(camera.centre[1]), None, 0.0), bounds) for camera in cameras
     ):
         return _by_frame(None, None, frame), "cameras without GPS taken to be in the frame of the block, where they are"
     raise InputError(
         f"{file.name} has a frame of its own, and no picture has GPS; give three control points (imagery.cameras.control), or "
         "the frame of the file (imagery.cameras.crs)"
     )
+
+
+def _place_by_gps(name: str, cameras: Sequence[SourceCamera], headers: Sequence[_Header], frame: CRS) -> Placement:
+    places = np.full((len(headers), 3), np.nan)
+    transformer = Transformer.from_crs(LONLAT, frame, always_xy=True)
+    for place, header in zip(places, headers, strict=True):
+        if header.gps is not None:
+            place[:] = (*transformer.transform(*header.gps[:2]), header.gps[2])
+    places[~np.isfinite(places[:, :2]).all(axis=1)] = np.nan
+    centres = np.array([camera.centre for camera in cameras])
+    return place_by_gps(name, centres, np.array([camera.rotation for camera in cameras]), places)
 
 
 def _by_placement(placement: Placement) -> ToBlock:

@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
+from functools import partial
 from io import BufferedReader
 from pathlib import Path
 
 import numpy as np
 
-from catalogs.reader_errors import short_message, to_single_line, wrap_reader_errors
+from catalogs.reader_errors import wrap_reader_errors
 from catalogs.readers.pictures.cameras.camera_file import (
     CameraFile,
     SourceCamera,
+    build_camera,
     check_lens,
     check_position,
     rotation_from_quaternion,
 )
 from catalogs.readers.settings import CAMERAS
+from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import open_regular
 from facade_core.core.types import Lens
@@ -41,38 +44,35 @@ def read_colmap(path: Path) -> CameraFile:
         Where a file of the model is missing, or is no such file.
     """
     folder = path if path.is_dir() else path.parent
-    suffix = ".bin" if (path.suffix == ".bin" if path.is_file() else not (folder / "images.txt").is_file()) else ".txt"
+    is_text = path.suffix != ".bin" if path.is_file() else (folder / "images.txt").is_file()
+    suffix, read_lenses, read_images = (
+        (".txt", _text_lenses, _text_images) if is_text else (".bin", _binary_lenses, _binary_images)
+    )
     files = [folder / f"{part}{suffix}" for part in ("cameras", "images")]
     for file in files:
         if not file.is_file():
             raise InputError(f"{file} is missing; a COLMAP model has cameras{suffix} and images{suffix} in one folder")
-    is_text = suffix == ".txt"
     with (
         wrap_reader_errors(files[0], "is not COLMAP's", "export the model again"),
         open_regular(files[0], CAMERAS.max_cameras_bytes) as stream,
     ):
-        lenses = dict(_text_lenses(stream) if is_text else _binary_lenses(stream))
+        lenses = dict(read_lenses(stream))
     cameras: dict[str, SourceCamera | str] = {}
     with (
         wrap_reader_errors(files[1], "is not COLMAP's", "export the model again"),
         open_regular(files[1], CAMERAS.max_images_bytes) as stream,
     ):
-        for _, values, camera, name in _text_images(stream) if is_text else _binary_images(stream):
+        for _, values, camera, name in read_images(stream):
             if len(cameras) >= CAMERAS.max_images:
                 raise ValueError(f"it has more than {CAMERAS.max_images} pictures")
-            cameras[name] = _camera(files[1].name, name, values, lenses.get(camera, "its camera is not listed"))
+            lens = lenses.get(camera, "its camera is not listed")
+            cameras[name] = build_camera(files[1].name, name, lens, partial(_pose, values))
     return CameraFile(files[1].name, cameras, is_local=True)
 
 
-def _camera(file: str, name: str, values: list[float], lens: Lens | str) -> SourceCamera | str:
-    try:
-        if isinstance(lens, str):
-            raise ValueError(lens)
-        rotation = rotation_from_quaternion(*values[:4])
-        centre = check_position(-rotation.T @ np.array(values[4:]))
-    except ValueError as error:
-        return f"{file}: {to_single_line(name[:80])}: {short_message(error)}; mend that entry"
-    return SourceCamera(centre, rotation, lambda _: lens)
+def _pose(values: list[float]) -> tuple[Float64Array, Float64Array]:
+    rotation = rotation_from_quaternion(*values[:4])
+    return check_position(-rotation.T @ np.array(values[4:])), rotation
 
 
 def _lens(model: str, width: int, height: int, values: list[float]) -> Lens | str:

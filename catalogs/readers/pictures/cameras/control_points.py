@@ -23,7 +23,7 @@ _HINT = "give name, model_x, model_y, model_z (or the name of a picture) and x, 
 
 
 def read_control_points(
-    path: Path, cameras: Mapping[str, SourceCamera], frame: CRS, crs: str | None
+    path: Path, cameras: Mapping[str, SourceCamera | str], frame: CRS, crs: str | None
 ) -> tuple[list[str], Float64Array, Float64Array]:
     """Read a table of control points.
 
@@ -39,7 +39,7 @@ def read_control_points(
     InputError
         For the first row that cannot be used.
     """
-    by_name = {picture_name(name): camera for name, camera in cameras.items()}
+    by_name = {picture_name(name): camera for name, camera in cameras.items() if isinstance(camera, SourceCamera)}
     by_name |= {Path(name).stem: camera for name, camera in by_name.items()}
     names, source, target = [], [], []
     try:

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from catalogs.crs import LONLAT, parse_crs
 from catalogs.features import Remark
-from catalogs.reader_errors import short_message, to_single_line
+from catalogs.reader_errors import short_message, to_single_line, wrap_reader_errors
 from catalogs.readers.pictures.cameras.camera_file import (
     CameraFile,
     SourceCamera,
     ToLonLat,
+    build_camera,
     check_lens,
     check_position,
     check_rotation,
@@ -28,6 +30,8 @@ if TYPE_CHECKING:
 _PANORAMA_REASON = "spherical cameras of {file} left out; give their poses under imagery.panoramas"
 _DISABLED_REASON = "cameras of {file} that are disabled in Metashape left out"
 _UNALIGNED_REASON = "cameras of {file} without a transform left out: Metashape did not align them"
+# Matrix (4, 4) to the world and that world's conversion, by component.
+_Frames: TypeAlias = Mapping[str | None, tuple[Float64Array, ToLonLat | None]]
 
 
 def read_metashape(name: str, text: bytes) -> CameraFile:
@@ -38,15 +42,11 @@ def read_metashape(name: str, text: bytes) -> CameraFile:
     InputError
         Where the file is none, has no camera, or chunks in frames of their own.
     """
-    from defusedxml import DefusedXmlException, ElementTree
+    from defusedxml import ElementTree
 
-    try:
+    with wrap_reader_errors(name, "is no XML that can be read", "export the cameras again"):
         root = ElementTree.fromstring(text)
-    except (ElementTree.ParseError, DefusedXmlException, ValueError, LookupError) as error:
-        raise InputError(
-            f"{name} is no XML that can be read ({short_message(error)}); export the cameras again"
-        ) from error
-    chunks = [one for one in root.iter("chunk") if one.find("cameras") is not None]
+    chunks = root.findall(".//chunk[cameras]")
     if root.tag != "document" or not chunks:
         raise InputError(f"{name} is no export of Metashape; export the cameras as Agisoft XML (*.xml)")
     cameras: dict[str, SourceCamera | str] = {}
@@ -54,7 +54,7 @@ def read_metashape(name: str, text: bytes) -> CameraFile:
     places = []
     for chunk in chunks:
         frames = _component_frames(name, chunk)
-        found = _chunk_cameras(name, chunk, {id: frame[0] for id, frame in frames.items()}, remarks)
+        found = _chunk_cameras(name, chunk, frames, remarks)
         if found:
             cameras |= found
             places.append(frames[None][1])
@@ -68,43 +68,39 @@ def read_metashape(name: str, text: bytes) -> CameraFile:
     return CameraFile(name, cameras, is_local=lonlat is None, to_lonlat=lonlat, remarks=tuple(remarks))
 
 
-def _chunk_cameras(
-    name: str, chunk: Element, matrices: Mapping[str | None, Float64Array], remarks: list[Remark]
-) -> dict[str, SourceCamera | str]:
-    """Return the cameras of a chunk; matrices (4, 4) to the world by component, None for cameras without one."""
+def _chunk_cameras(name: str, chunk: Element, frames: _Frames, remarks: list[Remark]) -> dict[str, SourceCamera | str]:
+    """Return the cameras of a chunk with the frames of its components."""
     lenses = {one.get("id"): _sensor_lens(one) for one in chunk.iter("sensor")}
     found: dict[str, SourceCamera | str] = {}
     for one in chunk.iter("camera"):
-        label = one.get("label") or ""
-        if not label or one.find("transform") is None:
-            if label:
-                remarks.append(Remark(to_single_line(label[:80]), _UNALIGNED_REASON.format(file=name), None))
-            continue
-        if one.get("enabled") in ("false", "0"):
-            remarks.append(Remark(to_single_line(label[:80]), _DISABLED_REASON.format(file=name), None))
+        label = one.get("label")
+        if not label:
             continue
         lens = lenses.get(one.get("sensor_id"), "its sensor is not listed")
-        if lens is None:
-            remarks.append(Remark(to_single_line(label[:80]), _PANORAMA_REASON.format(file=name), None))
-            continue
-        try:
-            if isinstance(lens, str):
-                raise ValueError(lens)
-            component = one.get("component_id") if len(matrices) > 1 else None
-            if component not in matrices:
-                raise ValueError("its component has no transform, so it has no place beside the others")
-            placed = matrices[component] @ _numbers(one.findtext("transform"), 16).reshape(4, 4)
-            scale = np.cbrt(abs(np.linalg.det(placed[:3, :3])))
-            rotation = check_rotation(placed[:3, :3].T / max(float(scale), 1e-12))
-            centre = check_position(placed[:3, 3])
-        except (ValueError, TypeError) as error:
-            found[label] = f"{name}: {to_single_line(label[:80])}: {short_message(error)}; mend that entry"
+        if one.find("transform") is None:
+            reason = _UNALIGNED_REASON
+        elif one.get("enabled") in ("false", "0"):
+            reason = _DISABLED_REASON
+        elif lens is None:
+            reason = _PANORAMA_REASON
         else:
-            found[label] = SourceCamera(centre, rotation, lambda _, lens=lens: lens)  # type: ignore[misc]
+            found[label] = build_camera(name, label, lens, partial(_pose, one, frames))
+            continue
+        remarks.append(Remark(to_single_line(label[:80]), reason.format(file=name), None))
     return found
 
 
-def _component_frames(name: str, chunk: Element) -> dict[str | None, tuple[Float64Array, ToLonLat | None]]:
+def _pose(camera: Element, frames: _Frames) -> tuple[Float64Array, Float64Array]:
+    component = camera.get("component_id") if len(frames) > 1 else None
+    if component not in frames:
+        raise ValueError("its component has no transform, so it has no place beside the others")
+    placed = frames[component][0] @ _numbers(camera.findtext("transform"), 16).reshape(4, 4)
+    scale = np.cbrt(abs(np.linalg.det(placed[:3, :3])))
+    rotation = check_rotation(placed[:3, :3].T / max(float(scale), 1e-12))
+    return check_position(placed[:3, 3]), rotation
+
+
+def _component_frames(name: str, chunk: Element) -> _Frames:
     """Return the frames of the components of a chunk, of Metashape 2, and under None that of the chunk itself."""
     parts = [one for one in chunk.findall("components/component") if one.find("transform") is not None]
     found = {one.get("id"): _frame(name, one.find("transform"), chunk) for one in parts}
@@ -170,24 +166,23 @@ def _sensor_lens(sensor: Element) -> Lens | str | None:
     if sensor.get("type") == "spherical":
         return None
     known = [one for one in sensor.iter("calibration") if one.find("f") is not None or one.find("fx") is not None]
-    calibration = next((one for one in known if one.get("class") == "adjusted"), known[0] if known else None)
+    calibration = min(known, key=lambda one: one.get("class") != "adjusted", default=None)
     if calibration is None:
         return "its sensor has no calibration; align the pictures in Metashape, and export again"
     kind = calibration.get("type") or sensor.get("type") or "frame"
     if kind not in ("frame", "fisheye"):
         return f"its sensor type {kind[:40]} is not read; undistort the pictures in Metashape, and give these"
-    size = calibration.find("resolution")
-    size = sensor.find("resolution") if size is None else size
     try:
-        if size is None:
-            raise ValueError("its sensor states no resolution")
-        return _calibrated_lens(calibration, size, is_fisheye=kind == "fisheye")
+        return _calibrated_lens(calibration, sensor, is_fisheye=kind == "fisheye")
     except (ValueError, OverflowError) as error:
         return short_message(error)
 
 
-def _calibrated_lens(calibration: Element, size: Element, *, is_fisheye: bool) -> Lens:
+def _calibrated_lens(calibration: Element, sensor: Element, *, is_fisheye: bool) -> Lens:
     """Return the lens of a calibration; ValueError for one that is not read."""
+    size = next((one for part in (calibration, sensor) for one in part.findall("resolution")), None)
+    if size is None:
+        raise ValueError("its sensor states no resolution")
 
     def value(tag: str) -> float:
         return float(calibration.findtext(tag) or "0")

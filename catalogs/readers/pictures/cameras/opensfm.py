@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from functools import partial
 from typing import cast
 
 import numpy as np
 
 from catalogs.features import Remark
-from catalogs.printable_text import short_repr
 from catalogs.reader_errors import short_message, to_single_line
 from catalogs.readers.pictures.cameras.camera_file import (
     CameraFile,
     SourceCamera,
     ToLonLat,
+    build_camera,
     check_lens,
     check_position,
 )
+from catalogs.readers.pictures.source_poses import topocentric_transformer
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
@@ -37,6 +39,22 @@ def read_opensfm(name: str, parts: list[JsonObject]) -> CameraFile:
     """
     cameras: dict[str, SourceCamera | str] = {}
     panoramas = []
+    reference = _shared_reference(name, parts)
+    for part in parts:
+        lenses = {key: _lens(camera) for key, camera in part.get("cameras", {}).items()}
+        for picture, shot in part.get("shots", {}).items():
+            lens = lenses.get(str(shot.get("camera")), "its camera is not listed")
+            if lens is None:
+                panoramas.append(picture)
+            else:
+                cameras[picture] = build_camera(name, picture, lens, partial(_pose, shot))
+    remarks = tuple(Remark(to_single_line(one[:80]), _PANORAMA_REASON.format(file=name), None) for one in panoramas)
+    to_lonlat = None if reference is None else topocentric_to_lonlat(name, reference)
+    return CameraFile(name, cameras, is_local=to_lonlat is None, to_lonlat=to_lonlat, remarks=remarks)
+
+
+def _shared_reference(name: str, parts: list[JsonObject]) -> JsonObject | None:
+    """Return the reference_lla that all parts with shots state; None for a single part without one."""
     references = [part.get("reference_lla") for part in parts if part.get("shots")]
     if not references:
         raise InputError(f"{name} holds no shots; give a reconstruction of OpenSfM")
@@ -48,25 +66,12 @@ def read_opensfm(name: str, parts: list[JsonObject]) -> CameraFile:
         raise InputError(
             f"{name} holds {len(references)} parts without reference_lla; keep the one that shows the block"
         )
-    for part in parts:
-        lenses = {key: _lens(camera) for key, camera in part.get("cameras", {}).items()}
-        for picture, shot in part.get("shots", {}).items():
-            lens = lenses.get(str(shot.get("camera")), "its camera is not listed")
-            if lens is None:
-                panoramas.append(picture)
-                continue
-            try:
-                if isinstance(lens, str):
-                    raise ValueError(lens)
-                rotation = rotation_from_vector(shot["rotation"])
-                centre = check_position(-rotation.T @ check_position(shot["translation"]))
-            except (ValueError, TypeError, KeyError) as error:
-                cameras[picture] = f"{name}: {to_single_line(picture[:80])}: {short_message(error)}; mend that entry"
-            else:
-                cameras[picture] = SourceCamera(centre, rotation, lambda _, lens=lens: lens)  # type: ignore[misc]
-    remarks = tuple(Remark(to_single_line(one[:80]), _PANORAMA_REASON.format(file=name), None) for one in panoramas)
-    to_lonlat = None if references[0] is None else topocentric_to_lonlat(name, references[0])
-    return CameraFile(name, cameras, is_local=to_lonlat is None, to_lonlat=to_lonlat, remarks=remarks)
+    return references[0]
+
+
+def _pose(shot: JsonObject) -> tuple[Float64Array, Float64Array]:
+    rotation = rotation_from_vector(shot["rotation"])
+    return check_position(-rotation.T @ check_position(shot["translation"])), rotation
 
 
 def rotation_from_vector(vector: Iterable[float]) -> Float64Array:
@@ -81,19 +86,10 @@ def rotation_from_vector(vector: Iterable[float]) -> Float64Array:
 
 def topocentric_to_lonlat(name: str, reference: JsonObject) -> ToLonLat:
     """Return the conversion of east, north and up around a reference_lla."""
-    from pyproj import Transformer
-
     try:
-        lon, lat = float(reference["longitude"]), float(reference["latitude"])
-        height = float(reference.get("altitude") or 0.0)
-        if not (abs(lon) <= 360 and abs(lat) <= 90 and abs(height) <= 1e4):
-            raise ValueError(f"its reference_lla {short_repr([lon, lat, height])} is no place on earth")
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        transformer = topocentric_transformer(reference)
+    except (ValueError, AttributeError) as error:
         raise InputError(f"{name}: its reference_lla is none ({short_message(error)}); mend it") from error
-    transformer = Transformer.from_pipeline(
-        f"+proj=pipeline +step +inv +proj=topocentric +ellps=WGS84 +lon_0={lon} +lat_0={lat} +h_0={height}"
-        " +step +inv +proj=cart +ellps=WGS84 +step +proj=unitconvert +xy_in=rad +xy_out=deg"
-    )
     return lambda points: np.stack(transformer.transform(points[:, 0], points[:, 1], points[:, 2]), axis=1)
 
 
