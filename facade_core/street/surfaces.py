@@ -153,7 +153,7 @@ def _finish_unlit(
     if untextured.any():
         hidden = untextured & find_enclosed_texels(scene, chart)
         exposed = untextured & ~hidden
-        colour[exposed] = _paint_texels(materials, chart, differences, *np.nonzero(exposed))
+        colour[exposed] = paint_texels(materials, chart, differences, *np.nonzero(exposed))
         colour[hidden] = _distant_colour(scene, materials, chart)
         provenance[untextured] = Provenance.MATERIAL
         if differences is not None:
@@ -196,12 +196,12 @@ def _finish_unlit(
         has_photo |= filled
     share = photo_fade_weight(scene, chart, end)
     mixed = (share < 1) & has_photo
-    weight, painted = share[mixed][:, None], _paint_texels(materials, chart, differences, *np.nonzero(mixed))
+    weight, painted = share[mixed][:, None], paint_texels(materials, chart, differences, *np.nonzero(mixed))
     colour[mixed] = (weight * colour[mixed] + (1 - weight) * painted + 0.5).astype(np.uint8)
     return colour, provenance
 
 
-def _paint_texels(
+def paint_texels(
     materials: MaterialField, chart: int, differences: DecidedDifferences | None, rows: Int64Array, columns: Int64Array
 ) -> UInt8Array:
     """Return the material (k, 3) of texels, with the differences that views decided."""
