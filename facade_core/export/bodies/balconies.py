@@ -11,7 +11,7 @@ from shapely import Polygon
 
 from facade_core.core.arrays import Float64Array
 from facade_core.core.types import Element
-from facade_core.export.bodies.settings import BALCONY_SETTINGS, BalconySettings
+from facade_core.export.bodies.settings import BALCONY_SHAPES, BalconySettings
 
 # A face in the frame of its wall: rings (k, 3) in metres right, down and outward; the places (k, 2) on the wall
 # whose texture it shows; and its semantic type.
@@ -19,7 +19,7 @@ WallFrameFace = tuple[list[Float64Array], list[Float64Array], str]
 
 
 def place_balconies(
-    wall: Polygon, elements: Sequence[Element], settings: BalconySettings = BALCONY_SETTINGS
+    wall: Polygon, elements: Sequence[Element], settings: BalconySettings = BALCONY_SHAPES
 ) -> list[shapely.Polygon]:
     """Place the balconies of a wall as disjoint rectangles in its chart's frame."""
     found: list[Polygon] = []
@@ -38,7 +38,7 @@ def place_balconies(
 
 
 def extend_windows_behind_railings(
-    elements: Sequence[Element], balconies: Sequence[Polygon], settings: BalconySettings = BALCONY_SETTINGS
+    elements: Sequence[Element], balconies: Sequence[Polygon], settings: BalconySettings = BALCONY_SHAPES
 ) -> list[Element]:
     """Extend windows whose foot is hidden by a balcony down to its floor.
 
@@ -58,7 +58,7 @@ def extend_windows_behind_railings(
     return found
 
 
-def balcony_faces(box: Polygon, settings: BalconySettings = BALCONY_SETTINGS) -> list[WallFrameFace]:
+def balcony_faces(box: Polygon, settings: BalconySettings = BALCONY_SHAPES) -> list[WallFrameFace]:
     """Build the closed body of a balcony over a rectangle of its wall: outer sides, rim, inner sides and floor."""
     x0, y0, x1, y1 = box.bounds
     far = settings.balcony_depth_m if x1 - x0 >= settings.min_wide_balcony_m else settings.narrow_balcony_depth_m

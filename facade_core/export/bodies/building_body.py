@@ -26,7 +26,7 @@ from facade_core.export.bodies.patches import (
     triangulate_nonplanar_polygons,
     weld_polygons,
 )
-from facade_core.export.bodies.settings import BODY_SETTINGS, BodySettings
+from facade_core.export.bodies.settings import BODIES, BodySettings
 from facade_core.export.models.textured_mesh import TexturedMesh
 from facade_core.geometry.buildings.curtains import curtains_below_edges
 from facade_core.geometry.charts import ChartKind
@@ -54,7 +54,7 @@ def build_body(
     chart_surfaces: dict[int, int],
     ground_surface: int,
     origin: Float64Array,
-    settings: BodySettings = BODY_SETTINGS,
+    settings: BodySettings = BODIES,
 ) -> BuildingBody:
     """Build the body of one building.
 

@@ -29,7 +29,7 @@ from facade_core.export.bodies.patches import (
     weld_polygons,
 )
 from facade_core.export.bodies.recess import recess_opening
-from facade_core.export.bodies.settings import BODY_SETTINGS, BodySettings
+from facade_core.export.bodies.settings import BODIES, BodySettings
 from facade_core.export.models.textured_mesh import PackedCharts, TexturedMesh
 from facade_core.geometry.charts import CHART_KINDS, ChartKind
 
@@ -104,7 +104,7 @@ def build_building_model_parts(
     origin: Float64Array,
     *,
     has_assumed_roof: bool = False,
-    settings: BodySettings = BODY_SETTINGS,
+    settings: BodySettings = BODIES,
 ) -> BuildingModelParts:
     """Build the parts of one building's model.
 
@@ -278,7 +278,7 @@ def _make_attachment(
 
 
 def ground_faces(
-    packed: PackedCharts, triangles: IntArray, origin: Float64Array, settings: BodySettings = BODY_SETTINGS
+    packed: PackedCharts, triangles: IntArray, origin: Float64Array, settings: BodySettings = BODIES
 ) -> list[list[ModelFace]]:
     """Build the terrain as textured triangles in connected pieces, split at T-junctions.
 

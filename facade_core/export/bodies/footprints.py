@@ -8,14 +8,14 @@ from shapely import MultiPolygon, Polygon
 
 from facade_core.core.arrays import IntArray
 from facade_core.core.grouping import group_rows
-from facade_core.export.bodies.settings import FOOTPRINT_SETTINGS, FootprintSettings
+from facade_core.export.bodies.settings import FOOTPRINTS, FootprintSettings
 from facade_core.export.models.textured_mesh import TexturedMesh
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.settings import FACADE_WALLS
 
 
 def building_footprint(
-    source: TexturedMesh, triangles: IntArray, settings: FootprintSettings = FOOTPRINT_SETTINGS
+    source: TexturedMesh, triangles: IntArray, settings: FootprintSettings = FOOTPRINTS
 ) -> list[Polygon]:
     """Compute the footprint of a building: the area under its roofs without eaves.
 
@@ -75,9 +75,7 @@ def _polygon_parts(covered: shapely.Geometry, settings: FootprintSettings) -> li
     return [part for part in parts if part.geom_type == "Polygon" and part.area >= settings.min_part_m2]
 
 
-def building_footprints(
-    source: TexturedMesh, settings: FootprintSettings = FOOTPRINT_SETTINGS
-) -> dict[int, MultiPolygon]:
+def building_footprints(source: TexturedMesh, settings: FootprintSettings = FOOTPRINTS) -> dict[int, MultiPolygon]:
     """Compute the footprint of every building that has one."""
     parts = {
         building: building_footprint(source, triangles, settings)

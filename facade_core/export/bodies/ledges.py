@@ -12,7 +12,7 @@ from facade_core.core.arrays import UInt8Array
 from facade_core.core.types import Element
 from facade_core.export.bodies.balconies import WallFrameFace
 from facade_core.export.bodies.mouldings import WallBand, free_wall_mask, split_wall_into_bands
-from facade_core.export.bodies.settings import LEDGE_SETTINGS, LedgeSettings
+from facade_core.export.bodies.settings import LEDGES, LedgeSettings
 
 LEDGE_LABEL = "ledge"
 
@@ -22,7 +22,7 @@ def detect_ledges(
     labels: UInt8Array,
     elements: Sequence[Element],
     density: float,
-    settings: LedgeSettings = LEDGE_SETTINGS,
+    settings: LedgeSettings = LEDGES,
 ) -> list[Element]:
     """Detect the ledges of a facade as elements of its whole width.
 
@@ -57,7 +57,7 @@ def _is_lighter(band: WallBand, above: WallBand | None, below: WallBand, setting
     )
 
 
-def place_ledges(wall: Polygon, elements: Sequence[Element], settings: LedgeSettings = LEDGE_SETTINGS) -> list[Polygon]:
+def place_ledges(wall: Polygon, elements: Sequence[Element], settings: LedgeSettings = LEDGES) -> list[Polygon]:
     """Place the ledges of a wall as rectangles in its chart's frame that cross no other element."""
     _, north, _, south = wall.bounds
     gap = settings.element_clearance_m
@@ -91,7 +91,7 @@ def _ledge_pieces(
     return pieces
 
 
-def ledge_faces(box: Polygon, settings: LedgeSettings = LEDGE_SETTINGS) -> list[WallFrameFace]:
+def ledge_faces(box: Polygon, settings: LedgeSettings = LEDGES) -> list[WallFrameFace]:
     """Build the closed body of a ledge over a rectangle of its wall."""
     x0, y0, x1, y1 = box.bounds
     out = settings.ledge_depth_m

@@ -10,7 +10,7 @@ import numpy as np
 from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, UInt8Array
 from facade_core.core.labels import FacadeClass
 from facade_core.core.linear_light import srgb_to_linear
-from facade_core.export.bodies.settings import MOULDING_SETTINGS, MouldingSettings
+from facade_core.export.bodies.settings import MOULDINGS, MouldingSettings
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ def free_wall_mask(
     labels: UInt8Array,
     boxes: Sequence[tuple[float, float, float, float]],
     density: float,
-    settings: MouldingSettings = MOULDING_SETTINGS,
+    settings: MouldingSettings = MOULDINGS,
 ) -> BoolArray:
     """Compute the mask of free wall outside of boxes.
 
@@ -65,7 +65,7 @@ def free_wall_mask(
 
 
 def split_wall_into_bands(
-    image: UInt8Array, free: BoolArray, density: float, settings: MouldingSettings = MOULDING_SETTINGS
+    image: UInt8Array, free: BoolArray, density: float, settings: MouldingSettings = MOULDINGS
 ) -> list[WallBand]:
     """Split a wall picture into horizontal bands, from its top.
 

@@ -9,13 +9,13 @@ from shapely import Polygon
 
 from facade_core.core.arrays import Float64Array
 from facade_core.core.types import Element
-from facade_core.export.bodies.settings import OPENING_SETTINGS, OpeningSettings
+from facade_core.export.bodies.settings import WALL_OPENINGS, OpeningSettings
 
 # Doors are placed first, because people walk through them.
 OPENING_ORDER = ("door", "window")
 
 
-def chart_outlines(corners: Float64Array, settings: OpeningSettings = OPENING_SETTINGS) -> list[Polygon]:
+def chart_outlines(corners: Float64Array, settings: OpeningSettings = WALL_OPENINGS) -> list[Polygon]:
     """Merge the triangles of a chart to polygons with all corners kept.
 
     Triangles that overlap or gape stay as they are.
@@ -44,7 +44,7 @@ def chart_outlines(corners: Float64Array, settings: OpeningSettings = OPENING_SE
 
 
 def place_openings(
-    wall: Polygon, elements: Sequence[Element], settings: OpeningSettings = OPENING_SETTINGS
+    wall: Polygon, elements: Sequence[Element], settings: OpeningSettings = WALL_OPENINGS
 ) -> list[tuple[Element, Polygon]]:
     """Return doors and windows with their polygons in a wall, clipped and kept apart.
 

@@ -14,7 +14,7 @@ from scipy.spatial import KDTree
 
 from facade_core.core.arrays import Float64Array, Int32Array, Int64Array
 from facade_core.core.grouping import group_rows
-from facade_core.export.bodies.settings import BODY_SETTINGS, BodySettings
+from facade_core.export.bodies.settings import BODIES, BodySettings
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ def weld_polygons(
     charts: Sequence[int],
     semantics: Sequence[int],
     origin: Float64Array,
-    settings: BodySettings = BODY_SETTINGS,
+    settings: BodySettings = BODIES,
 ) -> PolygonMesh:
     """Weld polygons to a mesh on a grid.
 
@@ -108,7 +108,7 @@ def weld_polygons(
 
 
 def weld_corners(
-    points: Float64Array, origin: Float64Array, settings: BodySettings = BODY_SETTINGS
+    points: Float64Array, origin: Float64Array, settings: BodySettings = BODIES
 ) -> tuple[Float64Array, Int32Array]:
     """Snap corners to the grid and merge close ones, transitively.
 
@@ -130,7 +130,7 @@ def weld_corners(
     return points[first], of
 
 
-def split_edges_at_corners(mesh: PolygonMesh, settings: BodySettings = BODY_SETTINGS) -> PolygonMesh:
+def split_edges_at_corners(mesh: PolygonMesh, settings: BodySettings = BODIES) -> PolygonMesh:
     """Split edges at corners on them and keep the largest simple part of each ring."""
     used = sorted({corner for patch in mesh.patches for ring in patch.rings for corner in ring})
     tree = KDTree(mesh.points[used]) if used else None
@@ -241,7 +241,7 @@ def trace_loops(edges: Sequence[tuple[int, int]]) -> list[tuple[int, ...]]:
     return [ring for ring in found if len(ring) > 2]
 
 
-def triangulate_nonplanar_polygons(mesh: PolygonMesh, settings: BodySettings = BODY_SETTINGS) -> PolygonMesh:
+def triangulate_nonplanar_polygons(mesh: PolygonMesh, settings: BodySettings = BODIES) -> PolygonMesh:
     """Replace polygons that are not planar by their constrained Delaunay triangles."""
     patches: list[MeshPolygon] = []
     for patch in mesh.patches:

@@ -8,7 +8,7 @@ import numpy as np
 from shapely import Polygon
 
 from facade_core.core.arrays import BoolArray, Float64Array
-from facade_core.export.bodies.settings import OPENING_SETTINGS, OpeningSettings
+from facade_core.export.bodies.settings import WALL_OPENINGS, OpeningSettings
 from facade_core.geometry.charts import Charts
 
 
@@ -67,7 +67,7 @@ def recess_opening(
     chart: int,
     wall: Float64Array,
     behind: list[Float64Array],
-    settings: OpeningSettings = OPENING_SETTINGS,
+    settings: OpeningSettings = WALL_OPENINGS,
 ) -> RecessedOpening:
     """Recess an opening as deep as there is room.
 

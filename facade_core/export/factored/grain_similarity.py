@@ -8,10 +8,10 @@ import numpy as np
 
 from facade_core.core.arrays import FloatArray
 from facade_core.export.factored.image_quilting import WallGrain
-from facade_core.export.factored.settings import GRAIN_SETTINGS, GrainSettings
+from facade_core.export.factored.settings import WALL_GRAINS, GrainSettings
 
 
-def find_representative_grains(grains: Sequence[WallGrain], settings: GrainSettings = GRAIN_SETTINGS) -> list[int]:
+def find_representative_grains(grains: Sequence[WallGrain], settings: GrainSettings = WALL_GRAINS) -> list[int]:
     """Return, for each grain, the index of the grain that represents its group.
 
     The representative is the most even grain of the finest resolution, so that no mark of one wall repeats on others.

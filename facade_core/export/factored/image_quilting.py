@@ -16,7 +16,7 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float32Array, FloatArray, Int64Array, UInt8Array
 from facade_core.core.linear_light import smooth_known_light, srgb_to_linear
-from facade_core.export.factored.settings import GRAIN_SETTINGS, GrainSettings
+from facade_core.export.factored.settings import WALL_GRAINS, GrainSettings
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class WallGrain:
 
 
 def synthesise_grain(
-    image: UInt8Array, free: BoolArray, pixels_per_metre: float, seed: int, settings: GrainSettings = GRAIN_SETTINGS
+    image: UInt8Array, free: BoolArray, pixels_per_metre: float, seed: int, settings: GrainSettings = WALL_GRAINS
 ) -> WallGrain:
     """Synthesise the grain of a picture; all ones if no block of it is free.
 

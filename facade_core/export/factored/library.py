@@ -12,7 +12,7 @@ from facade_core.core.linear_light import linear_to_srgb, smooth_known_light, sr
 from facade_core.core.types import Element
 from facade_core.export.bodies.mouldings import WallBand, free_wall_mask, most_similar_band, split_wall_into_bands
 from facade_core.export.factored.image_quilting import WallGrain, synthesise_grain
-from facade_core.export.factored.settings import LIBRARY_SETTINGS, LibrarySettings
+from facade_core.export.factored.settings import LIBRARIES, LibrarySettings
 from facade_core.export.factored.units import FacadeUnit, Rectangle, group_elements_into_units, surround_reach
 from facade_core.facade.variation.encoding import encode
 
@@ -81,7 +81,7 @@ class FacadeLibrary:
     mouldings: dict[int, MouldingTexture]
 
     def find_similar_unit(
-        self, unit: FacadeUnit, look: Float32Array, wall: FloatArray, settings: LibrarySettings = LIBRARY_SETTINGS
+        self, unit: FacadeUnit, look: Float32Array, wall: FloatArray, settings: LibrarySettings = LIBRARIES
     ) -> int | None:
         """Find the most similar unit of the same kind; None if there is none.
 
@@ -110,7 +110,7 @@ class FacadeLibrary:
 
 
 def unit_descriptor(
-    image: UInt8Array, box: Rectangle, density: float, settings: LibrarySettings = LIBRARY_SETTINGS
+    image: UInt8Array, box: Rectangle, density: float, settings: LibrarySettings = LIBRARIES
 ) -> Float32Array:
     """Compute the descriptor of a box: a thumbnail with half of its mean light removed.
 
@@ -157,7 +157,7 @@ def _expand_box(box: Rectangle, settings: LibrarySettings) -> Rectangle:
 
 
 def surrounding_wall_light(
-    light: Float32Array, box: Rectangle, density: float, settings: LibrarySettings = LIBRARY_SETTINGS
+    light: Float32Array, box: Rectangle, density: float, settings: LibrarySettings = LIBRARIES
 ) -> Float32Array:
     """Return the light (3,) of the wall around a box, from the wall light (h, w, 3)."""
     return mean_light(light, _expand_box(box, settings), density)
@@ -171,7 +171,7 @@ def build_library(
     fine: UInt8Array | None = None,
     *,
     seed: int,
-    settings: LibrarySettings = LIBRARY_SETTINGS,
+    settings: LibrarySettings = LIBRARIES,
 ) -> FacadeLibrary:
     """Build the library of a picture.
 

@@ -10,7 +10,7 @@ import numpy as np
 from facade_core.core.arrays import Float64Array, FloatArray, Int64Array, UInt8Array
 from facade_core.core.grouping import RowsByValue, group_rows
 from facade_core.export.factored.glb import FactoredPrimitive
-from facade_core.export.factored.settings import UNFACTORED_SETTINGS, UnfactoredSettings
+from facade_core.export.factored.settings import UNFACTORED, UnfactoredSettings
 from facade_core.export.factored.texture_packing import PackedTextures
 from facade_core.export.factored.wall_geometry import WallPiece, WallPieces
 from facade_core.export.models.pages import downscale
@@ -83,7 +83,7 @@ def pack_unfactored_charts(
     charts: Int64Array,
     before: int,
     frame: ModelFrame,
-    settings: UnfactoredSettings = UNFACTORED_SETTINGS,
+    settings: UnfactoredSettings = UNFACTORED,
 ) -> tuple[list[UInt8Array], dict[int, dict[int, FactoredPrimitive]]]:
     """Pack the charts that are not factored on pages of their own.
 

@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, UInt8Array
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Element
-from facade_core.export.factored.settings import UNIT_SETTINGS, UnitSettings
+from facade_core.export.factored.settings import FACADE_UNITS, UnitSettings
 
 Rectangle = tuple[float, float, float, float]
 
@@ -41,7 +41,7 @@ class FacadeUnit:
 
 
 def group_elements_into_units(
-    elements: Sequence[Element], density: float, settings: UnitSettings = UNIT_SETTINGS
+    elements: Sequence[Element], density: float, settings: UnitSettings = FACADE_UNITS
 ) -> list[FacadeUnit]:
     """Group elements to units, sorted by rows from the top, then from the left.
 
@@ -89,7 +89,7 @@ def surround_reach(
     wall: Float32Array,
     box: Rectangle,
     density: float,
-    settings: UnitSettings = UNIT_SETTINGS,
+    settings: UnitSettings = FACADE_UNITS,
 ) -> tuple[float, float, float, float]:
     """Measure how far the surround of a unit reaches beyond its box.
 

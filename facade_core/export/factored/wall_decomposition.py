@@ -17,7 +17,7 @@ from facade_core.export.factored.library import (
     surrounding_wall_light,
     unit_descriptor,
 )
-from facade_core.export.factored.settings import WALL_SETTINGS, WallSettings
+from facade_core.export.factored.settings import WALL_POLYGONS, WallSettings
 from facade_core.export.factored.units import group_elements_into_units
 
 
@@ -56,7 +56,7 @@ class WallDecomposition:
     """
 
     def __init__(
-        self, facade: StoredFacadeWall, library: FacadeLibrary, settings: WallSettings = WALL_SETTINGS
+        self, facade: StoredFacadeWall, library: FacadeLibrary, settings: WallSettings = WALL_POLYGONS
     ) -> None:
         self.settings = settings
         self.facade, self.library, density = facade, library, facade.density

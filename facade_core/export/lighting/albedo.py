@@ -6,11 +6,11 @@ import numpy as np
 
 from facade_core.core.arrays import Float32Array, FloatArray, UInt8Array
 from facade_core.core.labels import FacadeClass
-from facade_core.export.lighting.settings import ALBEDO_SETTINGS, AlbedoSettings
+from facade_core.export.lighting.settings import ALBEDO, AlbedoSettings
 
 
 def estimate_shading(
-    colour: UInt8Array, labels: UInt8Array, density: float, settings: AlbedoSettings = ALBEDO_SETTINGS
+    colour: UInt8Array, labels: UInt8Array, density: float, settings: AlbedoSettings = ALBEDO
 ) -> Float32Array | None:
     """Estimate the shading of a wall along its width.
 
@@ -55,7 +55,7 @@ def estimate_shading(
     return np.broadcast_to(np.clip(field, settings.min_shading, settings.max_shading).astype(np.float32), labels.shape)
 
 
-def divide_light(colour: UInt8Array, light: FloatArray, settings: AlbedoSettings = ALBEDO_SETTINGS) -> UInt8Array:
+def divide_light(colour: UInt8Array, light: FloatArray, settings: AlbedoSettings = ALBEDO) -> UInt8Array:
     """Divide the light out of a colour.
 
     Parameters

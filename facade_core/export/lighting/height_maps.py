@@ -7,7 +7,7 @@ import numpy as np
 from facade_core.core.arrays import BoolArray, Float32Array, UInt8Array
 from facade_core.core.labels import FacadeClass
 from facade_core.export.lighting.pbr_materials import RELIEF
-from facade_core.export.lighting.settings import HEIGHT_MAP_SETTINGS, HeightMapSettings
+from facade_core.export.lighting.settings import HEIGHT_MAPS, HeightMapSettings
 from facade_core.street.materials.relief import relief_depth
 
 
@@ -17,7 +17,7 @@ def estimate_heights(
     grey: Float32Array,
     frames: BoolArray,
     density: float,
-    settings: HeightMapSettings = HEIGHT_MAP_SETTINGS,
+    settings: HeightMapSettings = HEIGHT_MAPS,
 ) -> Float32Array:
     """Estimate the relief of a chart: openings, slabs and sills by label, joints and pores by brightness.
 
@@ -52,7 +52,7 @@ def normals_from_heights(
     height: Float32Array,
     density: float,
     slope_offset: Float32Array | None = None,
-    settings: HeightMapSettings = HEIGHT_MAP_SETTINGS,
+    settings: HeightMapSettings = HEIGHT_MAPS,
 ) -> Float32Array:
     """Compute normals of a height map by central differences.
 
@@ -78,9 +78,7 @@ def normals_from_heights(
     return normals
 
 
-def cavity_visibility(
-    height: Float32Array, density: float, settings: HeightMapSettings = HEIGHT_MAP_SETTINGS
-) -> Float32Array:
+def cavity_visibility(height: Float32Array, density: float, settings: HeightMapSettings = HEIGHT_MAPS) -> Float32Array:
     """Compute the share of the sky that a texel sees past its surroundings, from the mean height around it.
 
     Parameters

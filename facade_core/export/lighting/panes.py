@@ -9,7 +9,7 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float32Array, UInt8Array
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, FacadeClass
-from facade_core.export.lighting.settings import PANE_SETTINGS, PaneSettings
+from facade_core.export.lighting.settings import PANES, PaneSettings
 from facade_core.export.lighting.shop_interiors import shop_interior_light
 from facade_core.parsing.elements import elements
 
@@ -97,9 +97,7 @@ def find_openings(labels: UInt8Array) -> Iterator[FacadeOpening]:
             yield FacadeOpening(label, x, y, x + width, y + height)
 
 
-def glass_mask(
-    opening: FacadeOpening, grey: UInt8Array, density: float, settings: PaneSettings = PANE_SETTINGS
-) -> BoolArray:
+def glass_mask(opening: FacadeOpening, grey: UInt8Array, density: float, settings: PaneSettings = PANES) -> BoolArray:
     """Compute the mask of glass in an opening: inside its frame, between the bars visible in the picture.
 
     Parameters
@@ -167,7 +165,7 @@ def _hash_splitmix64(*numbers: int) -> float:
 
 
 def pane_slope(
-    opening: FacadeOpening, density: float, random: SeededRandom, settings: PaneSettings = PANE_SETTINGS
+    opening: FacadeOpening, density: float, random: SeededRandom, settings: PaneSettings = PANES
 ) -> Float32Array:
     """Return the slopes (2,) float32 to the right and up of an opening's panes."""
     at = _opening_place(opening, density, settings)
@@ -185,7 +183,7 @@ def opening_emission(
     density: float,
     height_m: float,
     random: SeededRandom,
-    settings: PaneSettings = PANE_SETTINGS,
+    settings: PaneSettings = PANES,
 ) -> Float32Array | None:
     """Compute the light of an opening at night.
 
@@ -260,7 +258,7 @@ def modulate_by_picture(
     light: Float32Array,
     grey: UInt8Array,
     clear: BoolArray,
-    settings: PaneSettings = PANE_SETTINGS,
+    settings: PaneSettings = PANES,
 ) -> Float32Array:
     """Modulate the light of an opening by the picture behind its panes.
 

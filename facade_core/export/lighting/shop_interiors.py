@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from facade_core.core.arrays import Float32Array, FloatArray
-from facade_core.export.lighting.settings import SHOP_INTERIOR_SETTINGS, ShopInteriorSettings
+from facade_core.export.lighting.settings import SHOP_INTERIORS, ShopInteriorSettings
 
 # Linear RGB tints of articles.
 GOODS_TINTS = np.array(
@@ -21,7 +21,7 @@ def shop_interior_light(
     density: float,
     kind: float,
     uniform: Callable[..., float],
-    settings: ShopInteriorSettings = SHOP_INTERIOR_SETTINGS,
+    settings: ShopInteriorSettings = SHOP_INTERIORS,
 ) -> Float32Array:
     """Compute the light of a shop pane relative to its lamps.
 

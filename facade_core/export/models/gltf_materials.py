@@ -9,7 +9,7 @@ from typing import Literal
 from facade_core.core.json_types import JsonObject
 from facade_core.export.models.encoders import ENCODERS, TextureEncoder
 from facade_core.export.models.pages import PageImages
-from facade_core.export.models.settings import MATERIAL_SETTINGS, MaterialSettings
+from facade_core.export.models.settings import GLTF_MATERIALS, MaterialSettings
 
 # Names of the variants.
 DAY = "day"
@@ -84,7 +84,7 @@ def build_gltf_materials(
     pages: Sequence[MaterialTextures],
     encoder: TextureEncoder = ENCODERS["jpeg"],
     time: TimeOfDay = "day",
-    settings: MaterialSettings = MATERIAL_SETTINGS,
+    settings: MaterialSettings = GLTF_MATERIALS,
 ) -> GltfMaterials:
     """Build one glTF material per page for a time of day.
 

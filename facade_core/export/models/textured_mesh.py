@@ -24,7 +24,7 @@ from facade_core.export.models.pages import (
     halve_layout,
     lay_out_shelves,
 )
-from facade_core.export.models.settings import MESH_SETTINGS, MeshSettings
+from facade_core.export.models.settings import TEXTURED_MESHES, MeshSettings
 from facade_core.geometry.charts import Charts, Mesh
 from facade_core.geometry.scene import Scene
 
@@ -122,7 +122,7 @@ def triangle_areas(mesh: Mesh) -> Float64Array:
 
 
 def build_textured_mesh(
-    scene: Scene, read_page: Callable[[int], UInt8Array], settings: MeshSettings = MESH_SETTINGS
+    scene: Scene, read_page: Callable[[int], UInt8Array], settings: MeshSettings = TEXTURED_MESHES
 ) -> TexturedMesh:
     """Build the textured mesh of a block from its atlas pages.
 

@@ -15,7 +15,7 @@ from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
 from facade_core.export.models.glb import GltfNode
 from facade_core.export.models.gltf_materials import DAY, NIGHT
-from facade_core.export.models.settings import MATERIAL_SETTINGS, MaterialSettings
+from facade_core.export.models.settings import GLTF_MATERIALS, MaterialSettings
 
 if TYPE_CHECKING:
     from pxr.Usd import Prim, Stage
@@ -88,7 +88,7 @@ def write_usd_building(
     pages: Sequence[TextureAssetPaths],
     custom_data: Mapping[str, object],
     time: str | None = None,
-    settings: MaterialSettings = MATERIAL_SETTINGS,
+    settings: MaterialSettings = GLTF_MATERIALS,
 ) -> None:
     """Write the stage of one building: its meshes by page with their materials.
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array
-from facade_core.export.pictures.settings import CAMERA_SETTINGS, CameraSettings
+from facade_core.export.pictures.settings import VIEW_CAMERAS, CameraSettings
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
@@ -98,7 +98,7 @@ class PerspectiveCamera:
 
 
 def aerial_camera(
-    scene: Scene, size: tuple[int, int], worth: Float64Array | None = None, settings: CameraSettings = CAMERA_SETTINGS
+    scene: Scene, size: tuple[int, int], worth: Float64Array | None = None, settings: CameraSettings = VIEW_CAMERAS
 ) -> PerspectiveCamera:
     """Build an oblique aerial camera with all buildings in view.
 
@@ -148,7 +148,7 @@ def street_camera(
     viewpoints: Sequence[Viewpoint],
     size: tuple[int, int],
     worth: Float64Array,
-    settings: CameraSettings = CAMERA_SETTINGS,
+    settings: CameraSettings = VIEW_CAMERAS,
 ) -> PerspectiveCamera:
     """Build the camera of a pedestrian who looks at one side of a street.
 
@@ -191,7 +191,7 @@ def close_up_camera(
     facades: Int32Array,
     size: tuple[int, int],
     worth: Float64Array,
-    settings: CameraSettings = CAMERA_SETTINGS,
+    settings: CameraSettings = VIEW_CAMERAS,
 ) -> PerspectiveCamera:
     """Build an oblique camera at the foot of the facade with the highest worth and no occluder.
 
@@ -228,7 +228,7 @@ def close_up_camera(
     return found
 
 
-def lower_to_eye_height(scene: Scene, place: Float64Array, settings: CameraSettings = CAMERA_SETTINGS) -> Float64Array:
+def lower_to_eye_height(scene: Scene, place: Float64Array, settings: CameraSettings = VIEW_CAMERAS) -> Float64Array:
     """Lower a position (3,) to the height of a pedestrian's eyes above the ground below; unchanged without ground."""
     depth, chart = scene.caster.cast(place, np.array([[0.0, 0.0, -1.0]]))
     return place if chart[0] == MISS else place - [0.0, 0.0, float(depth[0]) - settings.eye_height_m]

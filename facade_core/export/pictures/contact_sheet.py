@@ -7,11 +7,11 @@ from collections.abc import Iterator, Sequence
 
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.resizing import resize_image
-from facade_core.export.pictures.settings import CONTACT_SHEET_SETTINGS, ContactSheetSettings
+from facade_core.export.pictures.settings import CONTACT_SHEETS, ContactSheetSettings
 
 
 def draw_contact_sheets(
-    entries: Sequence[tuple[UInt8Array, str]], settings: ContactSheetSettings = CONTACT_SHEET_SETTINGS
+    entries: Sequence[tuple[UInt8Array, str]], settings: ContactSheetSettings = CONTACT_SHEETS
 ) -> Iterator[UInt8Array]:
     """Draw pictures with their texts, some rows on a page.
 

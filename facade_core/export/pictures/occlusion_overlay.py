@@ -6,10 +6,10 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.types import Box
-from facade_core.export.pictures.settings import DRAWING_SETTINGS, DrawingSettings
+from facade_core.export.pictures.settings import DRAWINGS, DrawingSettings
 
 
-def overlay_occlusion(image: UInt8Array, hidden: BoolArray, settings: DrawingSettings = DRAWING_SETTINGS) -> UInt8Array:
+def overlay_occlusion(image: UInt8Array, hidden: BoolArray, settings: DrawingSettings = DRAWINGS) -> UInt8Array:
     """Tint occluders red and pixelate them, so that no face or number plate is legible.
 
     Parameters
@@ -37,7 +37,7 @@ def _mosaic(image: UInt8Array, settings: DrawingSettings) -> UInt8Array:
 
 
 def draw_crop_preview(
-    image: UInt8Array, hidden: BoolArray, box: Box, settings: DrawingSettings = DRAWING_SETTINGS
+    image: UInt8Array, hidden: BoolArray, box: Box, settings: DrawingSettings = DRAWINGS
 ) -> UInt8Array:
     """Draw a given picture as a preview: dark and coarse outside of its crop, tinted where it was inpainted.
 

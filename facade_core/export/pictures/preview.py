@@ -8,7 +8,7 @@ import numpy as np
 
 from facade_core.core.arrays import Float64Array, UInt8Array
 from facade_core.export.pictures.rendering import PictureInProgress, average_samples
-from facade_core.export.pictures.settings import VIEW_SETTINGS, ViewSettings
+from facade_core.export.pictures.settings import BLOCK_VIEWS, ViewSettings
 from facade_core.street.materials.field import MaterialField
 
 # Lower bound of the cosine of incidence, for footprints near the horizon.
@@ -19,7 +19,7 @@ def draw_preview(
     picture: PictureInProgress,
     materials: MaterialField,
     facades: Mapping[int, UInt8Array],
-    settings: ViewSettings = VIEW_SETTINGS,
+    settings: ViewSettings = BLOCK_VIEWS,
 ) -> UInt8Array:
     """Draw the materials of all that a picture shows, and some facades over them, (h, w, 3) uint8.
 

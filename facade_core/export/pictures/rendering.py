@@ -15,7 +15,7 @@ from facade_core.core.labels import CLASSES, COLOURS, colourise
 from facade_core.core.types import Lattice
 from facade_core.export.pictures import filtering
 from facade_core.export.pictures.camera import PerspectiveCamera
-from facade_core.export.pictures.settings import DRAWING_SETTINGS, DrawingSettings
+from facade_core.export.pictures.settings import DRAWINGS, DrawingSettings
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.settings import SKY_LOOK
@@ -270,7 +270,7 @@ def draw_parse(label_map: UInt8Array, lattice: Lattice) -> UInt8Array:
 
 
 def draw_layout(
-    image: UInt8Array, hidden: BoolArray, elements: Sequence[ElementRow], settings: DrawingSettings = DRAWING_SETTINGS
+    image: UInt8Array, hidden: BoolArray, elements: Sequence[ElementRow], settings: DrawingSettings = DRAWINGS
 ) -> UInt8Array:
     """Draw elements over a texture: outlined where seen, filled where the completion placed them.
 

@@ -12,7 +12,7 @@ from facade_core.core.arrays import Float64Array, Int64Array, UInt8Array
 from facade_core.core.types import Sun
 from facade_core.export.pictures.camera import PerspectiveCamera, aerial_camera, close_up_camera, street_camera
 from facade_core.export.pictures.rendering import SmoothPicture
-from facade_core.export.pictures.settings import VIEW_SETTINGS, ViewSettings
+from facade_core.export.pictures.settings import BLOCK_VIEWS, ViewSettings
 from facade_core.geometry.walls import WallRole
 from facade_core.plan.plan import Plan
 from facade_core.street.lighting.sun import sun_direction
@@ -29,7 +29,7 @@ class ProvenanceShares(Record, total=False):
     provenance: list[float]
 
 
-def view_names(plan: Plan, settings: ViewSettings = VIEW_SETTINGS) -> list[str]:
+def view_names(plan: Plan, settings: ViewSettings = BLOCK_VIEWS) -> list[str]:
     """Return the names of a block's views: from above, along streets, and close to a facade."""
     near = ["close-up"] if len(plan.facades.chart) else []
     return ["above", *(f"street-{number}" for number in range(len(_view_streets(plan, settings)))), *near]
@@ -44,7 +44,7 @@ def choose_cameras(
     plan: Plan,
     records: Sequence[ProvenanceShares | None],
     sun: Sun | None = None,
-    settings: ViewSettings = VIEW_SETTINGS,
+    settings: ViewSettings = BLOCK_VIEWS,
 ) -> list[PerspectiveCamera]:
     """Choose the cameras of `view_names` by the worth of visible facades: photos first, sunlit ones before shaded.
 
@@ -64,7 +64,7 @@ def choose_cameras(
 
 
 def choose_preview_camera(
-    plan: Plan, size: tuple[int, int], settings: ViewSettings = VIEW_SETTINGS
+    plan: Plan, size: tuple[int, int], settings: ViewSettings = BLOCK_VIEWS
 ) -> PerspectiveCamera | None:
     """Choose the camera of the first view along a street before any facade is made; None without a street."""
     streets = _view_streets(plan, settings)

@@ -9,7 +9,7 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float64Array, IntArray, UInt8Array
 from facade_core.export.models.textured_mesh import TexturedMesh
-from facade_core.export.tiles.settings import SHELL_SETTINGS, ShellSettings
+from facade_core.export.tiles.settings import FAR_SHELLS, ShellSettings
 from facade_core.geometry.charts import ChartKind, Charts, Mesh
 from facade_core.geometry.raycast import MISS, RayCaster
 
@@ -35,7 +35,7 @@ def bake_rasters(
     shells: ShellRasters,
     baked_charts: IntArray,
     rasters: Sequence[Callable[[int], UInt8Array]],
-    settings: ShellSettings = SHELL_SETTINGS,
+    settings: ShellSettings = FAR_SHELLS,
 ) -> list[dict[int, UInt8Array]]:
     """Bake rasters of a building on the charts of its shell.
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from facade_core.core.arrays import Int64Array
-from facade_core.export.models.settings import MESH_SETTINGS
+from facade_core.export.models.settings import TEXTURED_MESHES
 from facade_core.export.models.textured_mesh import triangle_areas
 from facade_core.export.tiles.quadtree import collect_members, divide_grid
-from facade_core.export.tiles.settings import GRID_SETTINGS, GridSettings
+from facade_core.export.tiles.settings import TILE_GRIDS, GridSettings
 from facade_core.plan.plan import Plan
 
 
@@ -32,11 +32,11 @@ class BlockTile:
     origin: tuple[float, float, float]
 
 
-def plan_block_tiles(plan: Plan, settings: GridSettings = GRID_SETTINGS) -> list[BlockTile]:
+def plan_block_tiles(plan: Plan, settings: GridSettings = TILE_GRIDS) -> list[BlockTile]:
     """Plan the tiles of a block, sorted by path."""
     scene = plan.scene
     charts, mesh = scene.charts, scene.mesh
-    drawn = np.unique(mesh.chart[triangle_areas(mesh) > MESH_SETTINGS.min_triangle_m2])
+    drawn = np.unique(mesh.chart[triangle_areas(mesh) > TEXTURED_MESHES.min_triangle_m2])
     drawn = drawn[plan.in_core[drawn]]
     lowest = np.full(len(charts), np.inf)
     np.minimum.at(lowest, mesh.vertex_chart, mesh.vertices[:, 2])

@@ -15,7 +15,7 @@ from facade_core.export.bodies.footprints import building_footprint
 from facade_core.export.models.pages import PbrMaps, downscale
 from facade_core.export.models.textured_mesh import TexturedMesh, triangle_areas
 from facade_core.export.tiles.baking import ShellRasters, bake_rasters
-from facade_core.export.tiles.settings import SHELL_SETTINGS, ShellSettings
+from facade_core.export.tiles.settings import FAR_SHELLS, ShellSettings
 from facade_core.geometry.charts import ChartBuilder, ChartKind, Charts, Mesh, SurfaceTarget
 from facade_core.geometry.ground.ground_charts import add_horizontal_surface, add_planar_chart
 
@@ -47,7 +47,7 @@ def build_shells(
     source: TexturedMesh,
     density: float,
     on_progress: Callable[[], None] = lambda: None,
-    settings: ShellSettings = SHELL_SETTINGS,
+    settings: ShellSettings = FAR_SHELLS,
 ) -> BuildingShells:
     """Build a shell for every building.
 

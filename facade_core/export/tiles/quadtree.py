@@ -9,7 +9,7 @@ import numpy as np
 
 from facade_core.core.arrays import Float64Array, Int32Array, Int64Array
 from facade_core.core.grouping import group_rows
-from facade_core.export.tiles.settings import GRID_SETTINGS, GridSettings
+from facade_core.export.tiles.settings import TILE_GRIDS, GridSettings
 from facade_core.geometry.charts import Charts
 
 
@@ -91,7 +91,7 @@ def quadrant_corner(quadrant: int, corner: Float64Array, side: float) -> Float64
     return corner + side / 2 * np.array([quadrant & 1, quadrant >> 1])
 
 
-def divide_grid(members: QuadtreeMembers, max_texels: int, settings: GridSettings = GRID_SETTINGS) -> list[GridLeaf]:
+def divide_grid(members: QuadtreeMembers, max_texels: int, settings: GridSettings = TILE_GRIDS) -> list[GridLeaf]:
     """Divide members by cells of a fixed grid until a cell fits `max_texels` or holds one member; sorted by path.
 
     A cell depends only on its own members, so changes elsewhere leave it unchanged.

@@ -193,7 +193,7 @@ def tile(height, width):
 def view(height, width):
     from facade_core.export.pictures.camera import aerial_camera
     from facade_core.export.pictures.rendering import cast_smooth_view, encode_image
-    from facade_core.export.pictures.settings import VIEW_SETTINGS
+    from facade_core.export.pictures.settings import BLOCK_VIEWS
     from facade_core.export.pictures.views import paint_view
 
     scene = walls(4, 2)
@@ -201,7 +201,7 @@ def view(height, width):
     camera = aerial_camera(scene, (height, width))
 
     def unit():
-        picture = cast_smooth_view(scene, camera, samples=VIEW_SETTINGS.samples_per_pixel_side)
+        picture = cast_smooth_view(scene, camera, samples=BLOCK_VIEWS.samples_per_pixel_side)
         assert len(picture.coarse.pixel) > picture.coarse.rgb.size // 9
         parts = ({c: np.copy(page)} for c in picture.visible_charts.tolist())
         encode_image(paint_view(picture, parts), "JPEG", quality=90)
