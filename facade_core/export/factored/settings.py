@@ -125,7 +125,7 @@ class WallSettings:
     min_recess_pixels: float = 2.0
 
 
-WALL_POLYGONS = WallSettings()
+FACTORED_WALLS = WallSettings()
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from facade_core.export.factored.parts import (
     merge_pieces,
     pack_unfactored_charts,
 )
-from facade_core.export.factored.settings import WALL_POLYGONS
+from facade_core.export.factored.settings import FACTORED_WALLS
 from facade_core.export.factored.texture_packing import PackedTextures, texture_memory_bytes
 from facade_core.export.factored.wall_geometry import WallPieces
 from facade_core.export.models.encoders import TextureEncoder
@@ -111,4 +111,4 @@ class FactoredLeafBuilder:
 
 def _recess_error() -> float:
     """Return the geometric error, metres, of a level without recesses."""
-    return WALL_OPENINGS.recess_depths_m[0] * ERROR_PIXELS / WALL_POLYGONS.min_recess_pixels
+    return WALL_OPENINGS.recess_depths_m[0] * ERROR_PIXELS / FACTORED_WALLS.min_recess_pixels

@@ -17,7 +17,7 @@ from facade_core.export.bodies.mouldings import WallBand
 from facade_core.export.bodies.recess import recess_opening
 from facade_core.export.bodies.settings import WALL_OPENINGS
 from facade_core.export.factored.library import mean_light
-from facade_core.export.factored.settings import WALL_GRAINS, WALL_POLYGONS, WallSettings
+from facade_core.export.factored.settings import FACTORED_WALLS, WALL_GRAINS
 from facade_core.export.factored.units import FacadeUnit, Rectangle
 from facade_core.export.factored.wall_decomposition import WallDecomposition
 from facade_core.geometry.charts import Charts
@@ -79,12 +79,12 @@ class WallPolygon(NamedTuple):
     corners: Float64Array
 
 
-def is_planar_and_valid(plane: WallPolygon, settings: WallSettings = WALL_POLYGONS) -> bool:
+def is_planar_and_valid(plane: WallPolygon) -> bool:
     """Return True if a polygon is planar and valid."""
     middle = plane.corners.mean(axis=0)
     _, _, axes = np.linalg.svd(plane.corners - middle, full_matrices=False)
     return (
-        bool(np.abs((plane.corners - middle) @ axes[2]).max() <= settings.max_off_wall_plane_m)
+        bool(np.abs((plane.corners - middle) @ axes[2]).max() <= FACTORED_WALLS.max_off_wall_plane_m)
         and plane.outline.is_valid
     )
 
@@ -241,8 +241,7 @@ class _WallBuilder:
         return rest
 
     def _clip_factor(self, factor: FloatArray) -> FloatArray:
-        settings = self.decomposition.settings
-        return np.clip(factor, settings.min_light_factor, settings.max_light_factor)
+        return np.clip(factor, FACTORED_WALLS.min_light_factor, FACTORED_WALLS.max_light_factor)
 
     def _add_reveals(self, faces: Sequence[tuple[Float64Array, Float64Array]]) -> None:
         for ring, flat in faces:
@@ -251,7 +250,7 @@ class _WallBuilder:
                 continue
             own, shade, band = found
             normal = np.cross(ring[1] - ring[0], ring[3] - ring[0])
-            light = self.decomposition.settings.reveal_light * self._sample_light(shade, band, flat)
+            light = FACTORED_WALLS.reveal_light * self._sample_light(shade, band, flat)
             piece = WallPiece(
                 ring,
                 np.tile(normal / max(float(np.linalg.norm(normal)), 1e-12), (4, 1)),
