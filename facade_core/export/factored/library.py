@@ -10,7 +10,7 @@ import numpy as np
 from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, FloatArray, Int64Array, IntArray, UInt8Array
 from facade_core.core.linear_light import linear_to_srgb, smooth_known_light, srgb_to_linear
 from facade_core.core.types import Element
-from facade_core.export.bodies.mouldings import WallBand, free_wall_mask, most_similar_band, split_wall_into_bands
+from facade_core.export.bodies.mouldings import WallBand, free_wall_mask, split_wall_into_bands
 from facade_core.export.factored.image_quilting import WallGrain, synthesise_grain
 from facade_core.export.factored.settings import LIBRARIES
 from facade_core.export.factored.units import FacadeUnit, Rectangle, group_elements_into_units, surround_reach
@@ -200,11 +200,6 @@ def build_library(
         _synthesise_grains(fine, free_fine, bands, whole, seed),
         {number: _make_moulding(fine, free_fine, band, whole) for number, band in enumerate(bands) if band.is_moulding},
     )
-
-
-def find_similar_band(library: FacadeLibrary, band: WallBand) -> int | None:
-    """Return the number of the library's band that is most similar."""
-    return most_similar_band(band, library.bands)
 
 
 def _synthesise_grains(

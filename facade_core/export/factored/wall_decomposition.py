@@ -10,10 +10,9 @@ import numpy as np
 from facade_core.core.arrays import Float32Array, UInt8Array
 from facade_core.core.linear_light import smooth_known_light, srgb_to_linear
 from facade_core.core.types import Element
-from facade_core.export.bodies.mouldings import WallBand, free_wall_mask, split_wall_into_bands
+from facade_core.export.bodies.mouldings import WallBand, free_wall_mask, most_similar_band, split_wall_into_bands
 from facade_core.export.factored.library import (
     FacadeLibrary,
-    find_similar_band,
     surrounding_wall_light,
     unit_descriptor,
 )
@@ -62,7 +61,7 @@ class WallDecomposition:
         self.light = srgb_to_linear(facade.colour)
         self.wall_light = smooth_known_light(self.light, self.free, FACTORED_WALLS.shade_smoothing_m * density)
         self.bands = [
-            (band, find_similar_band(library, band), self._band_light(band))
+            (band, most_similar_band(band, library.bands), self._band_light(band))
             for band in split_wall_into_bands(facade.base_layer, self.free, density)
         ]
         ordered = sorted(units, key=lambda unit: (-unit.size[0] * unit.size[1], unit.box))
