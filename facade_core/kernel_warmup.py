@@ -84,13 +84,13 @@ def compile_street_kernels() -> None:
     materials = MaterialField(scene, plan.streets, seed=0, ground=plan.ground)
 
     def read(chart: int, rows: slice, columns: slice) -> tuple[UInt8Array, UInt8Array]:
-        size = (int(placement.height[chart]), int(placement.width[chart]))
+        size = placement.shape(chart)
         return np.zeros((*size, 3), np.uint8)[rows, columns], np.zeros(size, np.uint8)[rows, columns]
 
     for chart in range(len(scene.charts)):
         finish_chart(scene, materials, chart, KnownTexture(read, ()))
     chart, sun = int(np.flatnonzero(scene.charts.kind == ChartKind.WALL)[0]), Sun(180.0, 45.0)
-    shape = (int(placement.height[chart]), int(placement.width[chart]))
+    shape = placement.shape(chart)
     wall = np.full((*shape, 3), 128, np.uint8), np.ones(shape, bool), np.full(shape, FacadeClass.WALL, np.uint8)
     relight_facade(scene, chart, sun, *wall, np.ones(shape, np.float32), 0)
     camera = PerspectiveCamera.from_heading(

@@ -37,6 +37,15 @@ class ChartPlacements:
     texels_per_metre: Float64Array
     pages: int
 
+    def shape(self, chart: int) -> tuple[int, int]:
+        """Return the numbers of rows and columns of a chart."""
+        return int(self.height[chart]), int(self.width[chart])
+
+    def region(self, chart: int) -> tuple[int, slice, slice]:
+        """Return page, rows and columns of a chart's texels: an index of the atlas arrays."""
+        (height, width), y, x = self.shape(chart), int(self.y[chart]), int(self.x[chart])
+        return int(self.page[chart]), slice(y, y + height), slice(x, x + width)
+
     def chunks(self, chart: int, chunk: int, gutter: int) -> Int32Array:
         """Return the chunks that hold a chart's texels and gutters.
 

@@ -37,7 +37,7 @@ def resample_aerial_to_chart(scene: Scene, chart: int, aerial: AerialSampler) ->
     (height, width, 3) RGB, and (height, width) True where the picture is known and nothing of the block covers the
     texel.
     """
-    height, width = int(scene.placement.height[chart]), int(scene.placement.width[chart])
+    height, width = scene.placement.shape(chart)
     rgb, known = np.zeros((height, width, 3), np.uint8), np.zeros((height, width), bool)
     rows, side = max(1, OVERHEAD.texels_per_batch // width), 1 / float(scene.placement.texels_per_metre[chart])
     for top in range(0, height, rows):

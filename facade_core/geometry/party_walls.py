@@ -16,7 +16,7 @@ def find_enclosed_texels(scene: Scene, chart: int) -> BoolArray:
 
     A probe is inside where a ray outwards and a ray upwards both hit a back face first.
     """
-    height, width = int(scene.placement.height[chart]), int(scene.placement.width[chart])
+    height, width = scene.placement.shape(chart)
     charts = scene.charts
     if charts.kind[chart] != ChartKind.WALL:
         return np.zeros((height, width), bool)

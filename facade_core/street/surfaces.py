@@ -146,7 +146,7 @@ def _finish_unlit(
 ) -> tuple[UInt8Array, UInt8Array]:
     """Compute `finish_chart` without contact shading and sunlight."""
     aerial, differences = settings.aerial, settings.differences
-    height, width = int(scene.placement.height[chart]), int(scene.placement.width[chart])
+    height, width = scene.placement.shape(chart)
     colour, provenance = (values.copy() for values in known.read(chart, slice(0, height), slice(0, width)))
     untextured = provenance == Provenance.UNSEEN
     hidden = np.zeros_like(untextured)
@@ -257,7 +257,7 @@ def photo_fade_weight(scene: Scene, chart: int, end: BoolArray) -> Float32Array:
     """
     import cv2
 
-    rows, columns = int(scene.placement.height[chart]), int(scene.placement.width[chart])
+    rows, columns = scene.placement.shape(chart)
     if not end.any():
         return np.ones((rows, columns), np.float32)
     margin = (end.shape[0] - rows) // 2

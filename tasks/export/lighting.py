@@ -25,9 +25,7 @@ def relighting_inputs(results: PublishedBlock) -> RelightingInputs:
 
     @lru_cache(maxsize=MAX_CACHED_CHARTS)
     def texels(chart: int) -> StoredChartTexels:
-        y, x = int(placement.y[chart]), int(placement.x[chart])
-        height, width = int(placement.height[chart]), int(placement.width[chart])
-        part = (int(placement.page[chart]), slice(y, y + height), slice(x, x + width))
+        part = placement.region(chart)
         provenance = np.asarray(group["atlas/provenance"][part])
         if not plan.is_facade(chart):
             return StoredChartTexels(provenance, None, None)

@@ -133,9 +133,8 @@ def build_textured_mesh(scene: Scene, read_page: Callable[[int], UInt8Array]) ->
     placement, mesh = scene.placement, scene.mesh
 
     def raster(chart: int) -> UInt8Array:
-        y, x = int(placement.y[chart]), int(placement.x[chart])
-        page = held(int(placement.page[chart]))
-        return page[y : y + int(placement.height[chart]), x : x + int(placement.width[chart])]
+        page, rows, columns = placement.region(chart)
+        return held(page)[rows, columns]
 
     texels = np.column_stack([placement.width, placement.height]).astype(np.int64)
     return TexturedMesh(

@@ -223,7 +223,7 @@ class MaterialField:
     def chart_raster(self, chart: int) -> UInt8Array:
         """Compute the material of a whole chart, (h, w, 3) uint8."""
         placement = self._scene.placement
-        out = np.empty((int(placement.height[chart]), int(placement.width[chart]), 3), np.uint8)
+        out = np.empty((*placement.shape(chart), 3), np.uint8)
         flat = out.reshape(-1, 3)
         for start in range(0, len(flat), MATERIAL_FIELD.paint_batch_texels):
             part = flat[start : start + MATERIAL_FIELD.paint_batch_texels]

@@ -190,7 +190,7 @@ def _texture_from_exemplar(
     beside : facades of the building with pictures that are written.
     """
     placement, chart = inputs.view.scene.placement, inputs.view.charts[0]
-    size = (int(placement.height[chart]), int(placement.width[chart]))
+    size = placement.shape(chart)
     nothing = np.zeros(size, np.uint8)
     given = inputs.exemplar
     beside = beside if given is not None and inputs.coloured_by else ()

@@ -13,7 +13,7 @@ import numpy as np
 from catalogs.readers.pictures.aerial import Orthophoto
 from catalogs.readers.pictures.materials import MaterialPicture, RoofPicture
 from facade_core.atlas.journal import latest_chart_digests, read_records
-from facade_core.atlas.rasters import TexelLayout, read_rasters
+from facade_core.atlas.rasters import read_chart_raster
 from facade_core.atlas.stored_files import digest_stored_file, read_stored_file, write_stored_file
 from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.errors import InputError
@@ -119,10 +119,10 @@ def read_pictured_ground(
     placement = plan.scene.placement
     shown = {}
     for chart in charts:
-        layout = TexelLayout.of_charts(placement, [chart])
-        size = int(placement.height[chart]), int(placement.width[chart])
-        rgb, evidence = (read_rasters(group[f"atlas/{name}"], placement, layout) for name in ("seed", "seed_evidence"))
-        shown[chart] = rgb.reshape(*size, 3), evidence.reshape(size) == Provenance.PHOTO
+        rgb, evidence = (
+            read_chart_raster(group, placement, chart, f"atlas/{name}") for name in ("seed", "seed_evidence")
+        )
+        shown[chart] = rgb, evidence == Provenance.PHOTO
     return shown
 
 

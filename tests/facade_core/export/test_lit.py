@@ -168,7 +168,7 @@ def lighting(scene: Scene, sun: Sun | None, provenance: int = Provenance.PHOTO) 
     place = scene.placement
 
     def texels(chart: int) -> StoredChartTexels:
-        shape = (int(place.height[chart]), int(place.width[chart]))
+        shape = place.shape(chart)
         if scene.charts.kind[chart] != ChartKind.WALL or provenance == Provenance.MATERIAL:
             return StoredChartTexels(np.full(shape, provenance, np.uint8), None, None)
         labels = np.full(shape, FacadeClass.WALL, np.uint8)

@@ -124,7 +124,7 @@ def surface(height, width):
     scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, density, page=4096))
     field = MaterialField(scene, [line], seed=1)
     chart = int(np.argmax(charts.size.prod(axis=1)))
-    shape = (int(placement.height[chart]), int(placement.width[chart]))
+    shape = placement.shape(chart)
     rank = np.zeros(shape, np.uint8)
     rank[:30] = 5  # a strip is known, and all the rest is levelled to it
     known = np.zeros((*shape, 3), np.uint8)
