@@ -110,7 +110,7 @@ def _recovered(
     without = KnownTexture(shown_reader(scene, {}), ())
     parts = []
     for chart in charts:
-        size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
+        size = scene.placement.shape(chart)
         points = texel_points(scene, chart, np.arange(size[0]) + 0.5, np.arange(size[1]) + 0.5)
         views = [rectify_chart_from_panorama(scene, chart, c.image, c.pose, size) for c in cameras]
         own = chart_coverage_mask(scene, chart)

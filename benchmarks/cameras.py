@@ -155,7 +155,7 @@ def _recovered(
     known = KnownTexture(shown_reader(scene, shown), shown)
     parts: list[dict[str, np.ndarray]] = []
     for chart in grounds:
-        size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
+        size = scene.placement.shape(chart)
         views = [rectify_chart_from_panorama(scene, chart, c.image, c.pose, size) for c in cameras]
         points = ground_points(scene, chart, size)
         away = [np.hypot(points[..., 0] - c.pose.x, points[..., 1] - c.pose.y) for c in cameras]

@@ -87,7 +87,7 @@ def _foretold(
     parts: dict[str, list[np.ndarray]] = {name: [] for name in (*MADE, "truth", "views")}
     squares: dict[str, list[np.ndarray]] = {name: [] for name in (*MADE, "truth")}
     for chart in grounds:
-        size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
+        size = scene.placement.shape(chart)
         points = ground_points(scene, chart, size)
         others = np.zeros(size, bool)
         for n, (other, at) in enumerate(zip(images, poses, strict=True)):

@@ -99,7 +99,7 @@ def amsterdam(folder: Path, *, texels_per_metre: float = 20.0) -> dict[str, Any]
         shown = [s for s in shown if s.seen_share >= LEAST_SEEN][:VIEWS]
         if not shown:
             continue
-        size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
+        size = scene.placement.shape(chart)
         entry, views = {}, {}
         for when, taken in (("before", given), ("after", refined)):
             views[when] = [

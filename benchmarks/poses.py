@@ -182,7 +182,7 @@ def amsterdam(data: Path) -> dict[str, Any]:
                 images: Sequence[np.ndarray] = images,
                 taken: Sequence[Pose] = taken,
             ) -> ChartView:
-                size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
+                size = scene.placement.shape(chart)
                 return rectify_chart_from_panorama(scene, chart, images[n], taken[n], size)
 
             for chart in facades:

@@ -53,7 +53,7 @@ def of_model(given: Path, folder: Path) -> Path:
     from facade_core.export.attribution import Attribution
     from facade_core.export.bodies.building_models import build_building_model_parts
     from facade_core.export.city_models.cityjson import VertexPool, build_geometry, empty_document
-    from facade_core.export.models.settings import MESH_SETTINGS
+    from facade_core.export.models.settings import TEXTURED_MESHES
     from facade_core.export.models.textured_mesh import (
         TexturedMesh,
         filter_triangles,
@@ -70,7 +70,7 @@ def of_model(given: Path, folder: Path) -> Path:
     block = read_block(path)
     terrain = build_terrain(block.buildings, None)
     charts, mesh, _ = build_block_surfaces(block.buildings, [], terrain=terrain, ground_margin=10, largest=150)
-    mesh = filter_triangles(mesh, triangle_areas(mesh) > MESH_SETTINGS.min_triangle_m2)
+    mesh = filter_triangles(mesh, triangle_areas(mesh) > TEXTURED_MESHES.min_triangle_m2)
     texels = np.maximum(1, np.ceil(charts.size)).astype(np.int64)
     source = TexturedMesh(charts, mesh, charts.size, texels, lambda chart: np.zeros((1, 1, 3), np.uint8))
     drawn = pack_charts_on_pages(source, source.select_charts(np.arange(len(block.buildings))))

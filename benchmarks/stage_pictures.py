@@ -189,7 +189,7 @@ def poses() -> np.ndarray:
     street, true, given, images = _street()
     scene, chart = street.scene, street.charts[0]
     refined = refine_pose(scene, images[0], given[0]).pose
-    size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
+    size = scene.placement.shape(chart)
     views = [rectify_chart_from_panorama(scene, chart, images[0], pose, size) for pose in (given[0], refined, true[0])]
     return beside([view.rgb for view in views], 420)
 
@@ -210,7 +210,7 @@ def ground() -> np.ndarray:
         c: fuse_ground_view(scene, c, found) for c in np.flatnonzero(scene.charts.kind == ChartKind.GROUND).tolist()
     }
     chart = max(shown, key=lambda c: float(part.is_visible.sum()) if (part := shown[c]) else 0.0)
-    size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
+    size = scene.placement.shape(chart)
     line = Street("street", None, shapely.LineString([street.world_point(0, 0), street.world_point(street.length, 0)]))
     materials = MaterialField(scene, (line,), seed=1)
     material = materials.chart_raster(chart).reshape(*size, 3)
@@ -244,7 +244,7 @@ def walls() -> np.ndarray:
     plain = [c for c in np.flatnonzero(main_surface_mask(scene.charts)).tolist() if c not in street.charts]
     shown = {c: part for c in plain if (part := fuse_wall_view(scene, c, seen)) is not None}
     chart = max(shown, key=lambda c: float(shown[c].is_visible.sum()))
-    size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
+    size = scene.placement.shape(chart)
     line = Street("street", None, shapely.LineString([street.world_point(0, 0), street.world_point(street.length, 0)]))
     materials = MaterialField(scene, (line,), seed=1)
     without, known = (

@@ -13,7 +13,7 @@ from shapely.geometry import LineString, box
 
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.labels import FacadeClass
-from facade_core.core.types import Building, Element, Street, Sun
+from facade_core.core.types import Building, Element, IngestSettings, Street, Sun
 from facade_core.export.pictures.camera import PerspectiveCamera
 from facade_core.export.pictures.rendering import render_perspective
 from facade_core.facade.exemplar_facade import ScaledStyle, build_facade_from_exemplar
@@ -22,7 +22,7 @@ from facade_core.facade.texture.inpainting import inpaint
 from facade_core.facade.texture.retargeting import analyse_exemplar
 from facade_core.facade.texture.wall_floors import FacadeWall
 from facade_core.geometry.charts import ChartKind
-from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan
+from facade_core.plan.ingest import BlockInputs, build_plan
 from facade_core.street.lighting.facade_light import relight_facade
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.surfaces import KnownTexture, finish_chart
@@ -67,7 +67,9 @@ def compile_street_kernels() -> None:
     """Finish the surfaces of a street, and render a picture of them."""
     plan = build_plan(
         BlockInputs(
-            [Building("a", box(0, 0, 12, 10), 9.0, "height")], [Street("s", "s", LineString([(0, -6), (12, -6)]))]
+            [Building("a", box(0, 0, 12, 10), 9.0, "height")],
+            [Street("s", "s", LineString([(0, -6), (12, -6)]))],
+            floor_height=3.0,
         ),
         IngestSettings(
             texels_per_metre=DENSITY,
@@ -75,22 +77,20 @@ def compile_street_kernels() -> None:
             viewpoint_height=2.5,
             visibility_range=20.0,
             panorama_width=64,
-            floor_height=3.0,
             walls="translate",
-            page=512,
         ),
     )
     scene, placement = plan.scene, plan.scene.placement
     materials = MaterialField(scene, plan.streets, seed=0, ground=plan.ground)
 
     def read(chart: int, rows: slice, columns: slice) -> tuple[UInt8Array, UInt8Array]:
-        size = (int(placement.height[chart]), int(placement.width[chart]))
+        size = placement.shape(chart)
         return np.zeros((*size, 3), np.uint8)[rows, columns], np.zeros(size, np.uint8)[rows, columns]
 
     for chart in range(len(scene.charts)):
         finish_chart(scene, materials, chart, KnownTexture(read, ()))
     chart, sun = int(np.flatnonzero(scene.charts.kind == ChartKind.WALL)[0]), Sun(180.0, 45.0)
-    shape = (int(placement.height[chart]), int(placement.width[chart]))
+    shape = placement.shape(chart)
     wall = np.full((*shape, 3), 128, np.uint8), np.ones(shape, bool), np.full(shape, FacadeClass.WALL, np.uint8)
     relight_facade(scene, chart, sun, *wall, np.ones(shape, np.float32), 0)
     camera = PerspectiveCamera.from_heading(

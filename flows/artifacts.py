@@ -73,8 +73,11 @@ FACADE_COLUMNS = (
     "layout_score",
 )
 # Stages with equal shares of the progress: the number of units of a stage is known only when it begins.
-_EVERY = (EXEMPLARS, FACADES, STREETS, SURFACES, PAGES, TILES, PICTURES)
-STAGES_OF_EVERY_RUN = {"ingest", "publish", *(kind.stage for kind in _EVERY)}
+STAGES_OF_EVERY_RUN = {
+    "ingest",
+    *(one.stage for one in (EXEMPLARS, FACADES, STREETS, SURFACES, PAGES, TILES, PICTURES)),
+    "publish",
+}
 
 
 @contextmanager

@@ -19,6 +19,7 @@ from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan
 from facade_core.street.continuation import StreetView, blend_street_views
 from facade_core.street.materials.field import MaterialField
+from facade_core.street.surfaces import paint_texels
 from tasks.engine.stage import is_done_record
 from tasks.stages.shared.materials import rebuild_material_field
 from tasks.stages.shared.street_views import list_stored_views
@@ -61,7 +62,7 @@ class StreetState:
         if self.views and scene.charts.kind[chart] == ChartKind.GROUND:
             differences = blend_street_views(scene, self.field, chart, self.views)
             texels = np.nonzero((provenance == Provenance.UNSEEN) & (differences.views > 0))
-            colour[texels] = differences.apply(self.field.texel_colours(chart, *texels), *texels)
+            colour[texels] = paint_texels(self.field, chart, differences, *texels)
             provenance[texels] = Provenance.TRANSLATED
         return colour, provenance
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.export.pictures.preview import draw_preview
 from facade_core.export.pictures.rendering import cast_view, encode_image
-from facade_core.export.pictures.settings import VIEW_SETTINGS
+from facade_core.export.pictures.settings import BLOCK_VIEWS
 from facade_core.export.pictures.views import choose_preview_camera
 from tasks.engine.compute.connect import Compute
 from tasks.engine.context import load_run_plan
@@ -37,10 +37,10 @@ def draw_street_preview(run: Run, units: Sequence[Unit[FacadeInputs]]) -> bytes 
     units : units of the facades, of which those in view are drawn.
     """
     plan, group = load_run_plan(run), open_root(open_repository(run.store).readonly_session(BRANCH))
-    camera, materials = choose_preview_camera(plan, VIEW_SETTINGS.preview_size), rebuild_material_field(group, plan)
+    camera, materials = choose_preview_camera(plan, BLOCK_VIEWS.preview_size), rebuild_material_field(group, plan)
     if camera is None or materials is None:
         return None
-    picture = cast_view(plan.scene, camera, samples=VIEW_SETTINGS.samples_per_pixel_side)
+    picture = cast_view(plan.scene, camera, samples=BLOCK_VIEWS.samples_per_pixel_side)
     seen = set(picture.visible_charts.tolist())
     facades = {}
     for unit in units:

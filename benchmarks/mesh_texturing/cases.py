@@ -93,7 +93,7 @@ class Case:
 
     def size(self, chart: int) -> tuple[int, int]:
         """Return height and width of a chart in texels."""
-        return int(self.scene.placement.height[chart]), int(self.scene.placement.width[chart])
+        return self.scene.placement.shape(chart)
 
     @property
     def texels(self) -> int:

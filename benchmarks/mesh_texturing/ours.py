@@ -28,7 +28,7 @@ from facade_core.imagery.cameras.occluder_masks import (
     mask_model_edges,
 )
 from facade_core.imagery.cameras.walls import fuse_wall_view
-from facade_core.imagery.panorama_camera import GROUND_REACH_M, WALL_REACH_M
+from facade_core.imagery.panorama_camera import GROUND_REACH_M
 from facade_core.imagery.rectify.coverage import order_by_coverage
 from facade_core.imagery.rectify.panorama import find_sightings, rectify_chart_from_panorama
 from facade_core.plan.plan import Plan
@@ -93,7 +93,7 @@ def _select_panoramas(
         elif chart in case.other_walls:
             walls.setdefault(int(charts.building[chart]), []).append(chart)
     for some in walls.values():
-        taken |= dict(zip(some, index.select_by_chart(charts, some, WALL_REACH_M), strict=True))
+        taken |= dict(zip(some, index.select_by_chart(charts, some), strict=True))
     return taken
 
 

@@ -16,9 +16,10 @@ from benchmarks.painter.facade import paint_facade
 from benchmarks.painter.styles import NORDIC_STYLES
 from catalogs.block.reader import Block, read_block
 from catalogs.block.settings import replace_settings
+from catalogs.examples.painted_pictures import PAINTED_PICTURES
 from facade_core.core.arrays import UInt8Array
 from facade_core.geometry.walls import WallRole
-from tasks.examples.demo import INPUTS, SEED, copy_map, write_block_file
+from tasks.examples.demo import SEED, copy_map, write_block_file
 from tasks.stages.ingest.planning import make_plan
 
 # Painted walls of eight northern styles.
@@ -90,8 +91,8 @@ def main() -> None:
         write_block_file(folder / "without-photos.yaml", folder / "exemplars", photos=False)
         paint_photos(read_block(folder / "without-photos.yaml"), folder / "photos")
         for kind in ("exemplars", "photos"):
-            shutil.rmtree(INPUTS / kind, ignore_errors=True)
-            shutil.copytree(folder / kind, INPUTS / kind)
+            shutil.rmtree(PAINTED_PICTURES / kind, ignore_errors=True)
+            shutil.copytree(folder / kind, PAINTED_PICTURES / kind)
 
 
 if __name__ == "__main__":

@@ -70,7 +70,7 @@ def _beside_photos(
     rasters, write = TexelBuffer.plan_layout(placement, range(len(charts)), [])
     seed, evidence = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
     for piece, share in ((pieces[1], 1.0), (pieces[3], 0.5)):
-        shape = (int(placement.height[piece]), int(placement.width[piece]))
+        shape = placement.shape(piece)
         left = round(float(charts.origin[piece, 0]) * TEXELS_PER_METRE)
         photo = np.zeros((*shape, 3), np.uint8)
         part = truth[: shape[0], left : left + shape[1]]
@@ -88,7 +88,7 @@ def _beside_photos(
     def read(chart: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
         texels, shape = (
             rasters.texel_slice(placement, chart),
-            (int(placement.height[chart]), int(placement.width[chart])),
+            placement.shape(chart),
         )
         colour, provenance = window.colour[texels].reshape(*shape, 3), window.provenance[texels].reshape(shape)
         return colour[rows, columns], provenance[rows, columns]
@@ -179,7 +179,7 @@ def _window(scene: Scene) -> TexelBuffer:
 
 
 def _raster(scene: Scene, window: TexelBuffer, chart: int) -> np.ndarray:
-    shape = (int(scene.placement.height[chart]), int(scene.placement.width[chart]), 3)
+    shape = (*scene.placement.shape(chart), 3)
     return window.colour[window.layout.texel_slice(scene.placement, chart)].reshape(shape)
 
 

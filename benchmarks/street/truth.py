@@ -114,7 +114,7 @@ def _facade(
     """A facade's colour (h, w, 3) and views (h, w), of those of the window's texels."""
     placement = street.scene.placement
     colour, views = (values[window.layout.texel_slice(placement, chart)] for values in result)
-    shape = (int(placement.height[chart]), int(placement.width[chart]))
+    shape = placement.shape(chart)
     return colour.reshape(*shape, 3), views.reshape(shape)
 
 

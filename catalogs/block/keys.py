@@ -12,7 +12,7 @@ from pydantic.fields import FieldInfo
 
 from catalogs.block.declared_keys import Effect, Key, PathKind, Section
 from catalogs.readers.vectors.shapefile_text import find_codec
-from facade_core.core.types import Privacy, Sun
+from facade_core.core.types import IngestSettings, Privacy, Sun
 
 
 def suggest_name(text: str) -> str:
@@ -118,7 +118,7 @@ class SunSettings(Sun):
 
 
 @dataclass(frozen=True, slots=True)
-class TextureSettings:
+class TextureSettings(IngestSettings):
     """Section `texture`."""
 
     __pydantic_config__ = ConfigDict(extra="forbid")

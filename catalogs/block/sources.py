@@ -9,8 +9,8 @@ from pathlib import Path
 from catalogs.block.declared_keys import PathKind
 from catalogs.block.key_faults import read_block_settings
 from catalogs.block.paths import path_keys, resolve_paths
-from catalogs.examples.sources import EXAMPLE_SOURCES, PAINTED_FOLDERS, PAINTED_LICENCE
-from catalogs.file_digest import file_digest
+from catalogs.examples.painted_pictures import PAINTED_LICENCE, PAINTED_PICTURES, is_painted
+from catalogs.examples.sources import EXAMPLE_SOURCES
 from catalogs.imagery.fetch_log import has_fetch_log, read_fetch_log
 from catalogs.stac.facts import DataSourceFacts
 from facade_core.core.errors import InputError
@@ -51,7 +51,7 @@ def _file_licence(path: Path) -> str | None:
 def _picture_licences(folder: Path) -> tuple[str | None, ...]:
     """Return authors and licence of fetched pictures, one text per licence, or of painted ones; (None,) for others."""
     if not has_fetch_log(folder):
-        return (PAINTED_LICENCE if _is_painted(folder) else None,)
+        return (PAINTED_LICENCE if _is_painted_folder(folder) else None,)
     authors: dict[str, list[str]] = {}
     for one in read_fetch_log(folder).pictures.values():
         if not one.refused:
@@ -59,11 +59,11 @@ def _picture_licences(folder: Path) -> tuple[str | None, ...]:
     return tuple(f"{_most_frequent_names(names)}, {licence}" for licence, names in sorted(authors.items())) or (None,)
 
 
-def _is_painted(folder: Path) -> bool:
+def _is_painted_folder(folder: Path) -> bool:
     """Return True for a folder that holds exactly the project's painted exemplars, or its painted photos."""
-    files = [path for path in folder.iterdir() if path.is_file()]
-    known = PAINTED_FOLDERS.get(sum(path.stat().st_size for path in files))  # sizes are quicker than digests
-    return known is not None and hashlib.sha256("".join(sorted(map(file_digest, files))).encode()).hexdigest() == known
+    files = {path.name: path for path in folder.iterdir() if path.is_file()}
+    is_whole = any(files.keys() == {one.name for one in shipped.iterdir()} for shipped in PAINTED_PICTURES.iterdir())
+    return is_whole and all(map(is_painted, files.values()))
 
 
 def _most_frequent_names(names: list[str]) -> str:

@@ -8,12 +8,6 @@ from pathlib import Path
 
 from facade_core.core.errors import InputError
 
-# Painted exemplars and photos that come with the project: bytes of a folder, and sha256 of its files' sorted digests.
-PAINTED_FOLDERS = {
-    4_985_061: "c64544a95a48ea90be265cb7b9356843e9388595fbc3ac4bc706474ed2fd0444",
-    565_498: "c647d43d9f80d2dfde3396bf0daee715890c7bb425455e2be962f3a4b6ba0345",
-}
-PAINTED_LICENCE = "the Streetloom developers, Apache-2.0"
 EXAMPLE_BLOCKS_FOLDER = Path(__file__).parent / "blocks"
 _DELFSHAVEN = "https://3d.bk.tudelft.nl/opendata/cityjson/3dcities/v2.0/"
 _AMSTERDAM = "https://raw.githubusercontent.com/Amsterdam/panorama-textures/{commit}/src/input/"

@@ -65,7 +65,7 @@ def read_rasters(array: StoreArray, placement: ChartPlacements, layout: TexelLay
     shared: dict[tuple[int, int, int], AnyArray] = {}
     for c in layout.charts:
         page, y, x = int(placement.page[c]), int(placement.y[c]), int(placement.x[c])
-        height, width = int(placement.height[c]), int(placement.width[c])
+        height, width = placement.shape(c)
         cell = (page, y // chunk, x // chunk)
         if cell[1:] == ((y + height - 1) // chunk, (x + width - 1) // chunk):
             if cell not in shared:
@@ -79,8 +79,7 @@ def read_rasters(array: StoreArray, placement: ChartPlacements, layout: TexelLay
 
 def read_chart_raster(group: StoreGroup, placement: ChartPlacements, chart: int, name: str) -> AnyArray:
     """Read the texels (h, w, ...) of a chart in an array of the store, such as facade_maps/labels."""
-    flat = read_rasters(group[name], placement, TexelLayout.of_charts(placement, [chart]))
-    return flat.reshape(int(placement.height[chart]), int(placement.width[chart]), *flat.shape[1:])
+    return np.asarray(group[name][placement.region(chart)])
 
 
 def write_rasters(
@@ -101,7 +100,7 @@ def write_rasters(
     """
     shared: dict[tuple[int, int, int], list[tuple[int, int, AnyArray]]] = {}
     for c in layout.charts:
-        height, width = int(placement.height[c]), int(placement.width[c])
+        height, width = placement.shape(c)
         raster = flat[layout.texel_slice(placement, c)].reshape(height, width, *array.shape[3:])
         page, y, x = int(placement.page[c]), int(placement.y[c]) - spec.gutter, int(placement.x[c]) - spec.gutter
         colour = [(0, 0)] * (raster.ndim - 2)

@@ -91,16 +91,16 @@ class Repository(icechunk.Repository):
         return session
 
 
-def repository_config(units: int, pages: int) -> icechunk.RepositoryConfig:
-    """Return the Icechunk configuration for manifests of `units` units or `pages` pages each.
+def repository_config() -> icechunk.RepositoryConfig:
+    """Return the Icechunk configuration for manifests of UNITS_PER_MANIFEST or PAGES_PER_MANIFEST each.
 
     The configuration is passed at every opening and not stored: a stored one would be one more file that the store
     depends on. Manifests with another split stay readable; the first commit that touches them rewrites them.
     """
     condition, dimension = icechunk.ManifestSplitCondition, icechunk.ManifestSplitDimCondition
     splitting: icechunk.SplitSizesDict = {
-        condition.path_matches("^/(journal|panoramas)/"): {dimension.Axis(0): units},
-        condition.AnyArray(): {dimension.DimensionName("page"): pages},
+        condition.path_matches("^/(journal|panoramas)/"): {dimension.Axis(0): UNITS_PER_MANIFEST},
+        condition.AnyArray(): {dimension.DimensionName("page"): PAGES_PER_MANIFEST},
     }
     # Icechunk preloads small manifests, which takes longer than a commit; a session needs few of them
     preload = icechunk.ManifestPreloadConfig(max_total_refs=0, preload_if=icechunk.ManifestPreloadCondition.false())
@@ -135,8 +135,7 @@ def open_repository(path: StoreLocation, *, create: bool = False) -> Repository:
     try:
         if create:
             Repository.open_or_create(storage)
-        config = repository_config(UNITS_PER_MANIFEST, PAGES_PER_MANIFEST)
-        repository = Repository.open(storage, config)
+        repository = Repository.open(storage, repository_config())
     except icechunk.IcechunkError as error:
         raise StoreError(
             f"{path}: no usable store ({str(error).splitlines()[0]}); give the folder of a run, or remove this store and "

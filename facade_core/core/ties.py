@@ -30,12 +30,6 @@ def first_minimum(values: ArrayLike, tolerance: float | None = None) -> int:
     return int(np.argmax(array <= least + tolerance))
 
 
-def first_maximum(values: ArrayLike, tolerance: float | None = None) -> int:
-    """Return the index of the first value that falls below the largest by no more than a tolerance.
-
-    Parameters
-    ----------
-    values : as for `first_minimum`.
-    tolerance : as for `first_minimum`.
-    """
-    return first_minimum(-np.asarray(values, np.float64), tolerance)
+def first_maximum(values: ArrayLike) -> int:
+    """Return the index of the first of the largest values, as `first_minimum` of the smallest."""
+    return first_minimum(-np.asarray(values, np.float64))

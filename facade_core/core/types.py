@@ -178,6 +178,28 @@ class Sun:
 
 
 @dataclass(frozen=True, slots=True)
+class IngestSettings:
+    """Settings of a block that its plan depends on.
+
+    Attributes
+    ----------
+    texels_per_metre : density of the atlas near streets.
+    viewpoint_spacing : metres between viewpoints on a street.
+    viewpoint_height : metres above the ground.
+    visibility_range : metres from a viewpoint to the farthest chart that it textures.
+    walls : "exemplar" gives walls without pictures one; "translate" leaves them plain.
+    panorama_width : pixels of a viewpoint's panorama.
+    """
+
+    texels_per_metre: float
+    viewpoint_spacing: float
+    viewpoint_height: float
+    visibility_range: float
+    walls: str
+    panorama_width: int
+
+
+@dataclass(frozen=True, slots=True)
 class BuildingPassage:
     """Street through an extruded building, open below its ceiling.
 

@@ -91,7 +91,7 @@ def prepare_exemplar(
         evidence = completed = image
         box, has_facade, occluded = (0, 0, image.shape[1], image.shape[0]), True, hidden
         with time_stage(seconds, "elements"):
-            measured, classes = shrink_to_side(image, labels, MAX_COUNTING_SIDE_PX)
+            measured, classes = shrink_to_side(image, labels)
             floors, layout = count_floors(classes), tuple(elements(classes))
     else:
         cut = crop_to_facade(image, hidden, model=models.parser)
@@ -126,9 +126,9 @@ def prepare_exemplar(
     )
 
 
-def shrink_to_side(image: UInt8Array, labels: UInt8Array, longest: int) -> tuple[UInt8Array, UInt8Array]:
-    """Shrink an image (h, w, 3) and its labels (h, w) until no side is longer than `longest` pixels."""
-    share = longest / max(labels.shape)
+def shrink_to_side(image: UInt8Array, labels: UInt8Array) -> tuple[UInt8Array, UInt8Array]:
+    """Shrink an image (h, w, 3) and its labels (h, w) until no side is longer than MAX_COUNTING_SIDE_PX."""
+    share = MAX_COUNTING_SIDE_PX / max(labels.shape)
     if share >= 1:
         return image, labels
     height, width = (max(1, round(side * share)) for side in labels.shape)

@@ -11,7 +11,7 @@ import numpy as np
 from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Element
-from facade_core.facade.exemplar import MAX_COUNTING_SIDE_PX, count_columns, shrink_to_side
+from facade_core.facade.exemplar import count_columns, shrink_to_side
 from facade_core.facade.exemplar_quality import (
     JUDGED_PIXELS_PER_METRE,
     MAX_SHADED_SHARE,
@@ -102,7 +102,7 @@ class CandidateAssessment(NamedTuple):
 
 def assess_candidate(picture: FacadePicture) -> CandidateAssessment:
     """Judge a rectified picture of one facade, with its parse, as an exemplar."""
-    shaded = shadow_share(*shrink_to_side(picture.image, picture.labels, MAX_COUNTING_SIDE_PX))
+    shaded = shadow_share(*shrink_to_side(picture.image, picture.labels))
     quality = judge_exemplar(picture.image, picture.labels, picture.hidden, picture.metres_per_pixel, shaded)
     return CandidateAssessment(quality, (*_explain_content(picture), *_explain_quality(picture, quality)))
 

@@ -11,7 +11,7 @@ from facade_core.core.errors import ImageError
 from facade_core.core.fixed_order import multiply_matrices
 from facade_core.core.labels import FacadeClass
 from facade_core.core.resizing import resize_image
-from facade_core.core.types import SHIPPED_MODELS, Parsing, TrainedModelFiles
+from facade_core.core.types import SHIPPED_MODELS, Parsing
 from facade_core.facade.evidence import Evidence
 from facade_core.facade.exemplar import count_columns
 from facade_core.facade.exemplar_admission import (
@@ -79,7 +79,6 @@ def harvest_facade(
     focal: float | None,
     *,
     exposure: float | None = None,
-    models: TrainedModelFiles = SHIPPED_MODELS,
     seed: int = 0,
 ) -> HarvestedFacade:
     """Cut the one facade of a street photo to an exemplar and judge it; a rejected one is not completed.
@@ -89,7 +88,6 @@ def harvest_facade(
     photo : (h, w, 4) uint8, RGB with alpha that hides; so do borders without data.
     focal : focal length in pixels; None if unknown.
     exposure : exposure value at ISO 100; None if unknown.
-    models : models of parser and layout.
     seed : seed of completion and inpainting.
 
     Raises
@@ -103,7 +101,7 @@ def harvest_facade(
     # later than the cheaper check of lines, which most views without a facade fail
     check_daylight(photo[..., :3], photo[..., 3] == 0, exposure)
     middle = multiply_matrices(rectified.homography, [photo.shape[1] / 2, photo.shape[0] / 2, 1.0])
-    cut = crop_to_building(rectified.image, ~rectified.seen, middle[0] / middle[2], model=models.parser)
+    cut = crop_to_building(rectified.image, ~rectified.seen, middle[0] / middle[2])
     if not cut.has_facade:
         raise ImageError("no facade is found in it")
     if (slope := measure_level_slope(cut.image, cut.hidden | cut.outside)) > LEVEL_LINES.max_level_slope_deg:
@@ -111,7 +109,7 @@ def harvest_facade(
     _require_size(cut.hidden)
     image, hidden, outside = _limit_size(cut.image, cut.hidden, cut.outside)
     evidence = Evidence(image=image, hidden=hidden, outside=outside, segmentation=cut.segmentation)
-    observed = _trim(observe_photo(evidence, models=models), outside)
+    observed = _trim(observe_photo(evidence), outside)
     image = observed.image
     _require_size(observed.hidden)
     labels = fill_sky_and_unknown(observed.parsing.labels)
@@ -122,14 +120,14 @@ def harvest_facade(
     found = HarvestedFacade(
         image, labels, observed.hidden, scale, count_floors(labels), count_columns(observed.elements), judgement
     )
-    return found if judgement.reasons else _complete(found, observed, models, seed)
+    return found if judgement.reasons else _complete(found, observed, seed)
 
 
-def _complete(found: HarvestedFacade, observed: Evidence, models: TrainedModelFiles, seed: int) -> HarvestedFacade:
+def _complete(found: HarvestedFacade, observed: Evidence, seed: int) -> HarvestedFacade:
     """Complete an accepted facade without faces and plates, and judge it again by what it has become."""
     private = detect_on_facade(found.image, found.metres_per_pixel).private_mask(observed.hidden.shape)
     observed = replace(observed, hidden=observed.hidden | private)
-    whole = complete_observed_photo(observed, NO_DOORS, models=models, seed=seed, seconds={})
+    whole = complete_observed_photo(observed, NO_DOORS, models=SHIPPED_MODELS, seed=seed, seconds={})
     labels = fill_sky_and_unknown(whole.labels)
     scale = exemplar_scale(whole.image, labels, storey=STOREY_M)
     judgement = assess_candidate(FacadePicture(whole.image, labels, observed.hidden, whole.elements, scale))

@@ -36,7 +36,7 @@ from facade_core.geometry.charts import ChartBuilder, Charts, Mesh, SurfaceTarge
 from facade_core.geometry.ground.ground_charts import add_ground_charts
 from facade_core.geometry.ground.terrain import Terrain
 from facade_core.geometry.growth import grow_union
-from facade_core.geometry.settings import BLOCK_SURFACES, SurfaceSettings
+from facade_core.geometry.settings import BLOCK_SURFACES
 
 
 def build_block_surfaces(
@@ -48,7 +48,6 @@ def build_block_surfaces(
     largest: float,
     grid: float = 32.0,
     within: Polygon | None = None,
-    settings: SurfaceSettings = BLOCK_SURFACES,
 ) -> tuple[Charts, Mesh, tuple[tuple[str, str], ...]]:
     """Build the charts and the mesh of a block.
 
@@ -63,7 +62,6 @@ def build_block_surfaces(
     largest : metres; longer surfaces are cut.
     grid : step of the world grid in metres.
     within : outline of the block; None where unknown.
-    settings : numbers of the step.
 
     Returns
     -------
@@ -78,7 +76,7 @@ def build_block_surfaces(
     buildings = unify_building_part_bases(buildings, terrain)
     tree = shapely.STRtree([building.footprint for building in buildings])
     # sight lines are tested against an index of the edges
-    shapely.prepare(tree.geometries[shapely.get_num_coordinates(tree.geometries) > settings.min_prepared_corners])
+    shapely.prepare(tree.geometries[shapely.get_num_coordinates(tree.geometries) > BLOCK_SURFACES.min_prepared_corners])
     eyes = sample_streets([street.line for street in streets])
     eye_tree = shapely.STRtree(shapely.points(eyes))
     for index, building in enumerate(buildings):
@@ -87,34 +85,36 @@ def build_block_surfaces(
             # of streets out of reach one is left, because without any every edge counts as in sight
             reached = np.sort(
                 eye_tree.query(
-                    building.footprint, predicate="dwithin", distance=ROOF_EDGES.max_sight_m + settings.sight_margin_m
+                    building.footprint,
+                    predicate="dwithin",
+                    distance=ROOF_EDGES.max_sight_m + BLOCK_SURFACES.sight_margin_m,
                 )
             )
             in_reach = eyes[reached] if len(reached) else eyes[:1]
             obstacles = neighbour_area_above_eaves(index, buildings, tree, terrain)
             surroundings = RoofSurroundings(obstacles, in_reach, tree)
             target = SurfaceTarget(pieces, index, largest, grid)
-            outline, found = add_building_charts(target, building, terrain, adjoining, surroundings, settings=settings)
+            outline, found = add_building_charts(target, building, terrain, adjoining, surroundings)
         except GeometryError as error:
             refused.append((building.id, str(error)))
             continue
         if building.raised == 0 and (
             found is None
             or line_share_with_walls(found, outline_without_party_walls(index, buildings, tree))
-            >= settings.min_walled_share
+            >= BLOCK_SURFACES.min_walled_share
         ):
             outlines.append(outline)
     if streets:
         near = [street.line.buffer(ground_margin, cap_style="square", join_style="mitre") for street in streets]
         built = shapely.union_all(outlines)
         # closing the footprints covers courtyards and gaps far from streets
-        near_buildings = grow_union(built, outlines, settings.courtyard_m).buffer(
-            settings.forecourt_m - settings.courtyard_m
+        near_buildings = grow_union(built, outlines, BLOCK_SURFACES.courtyard_m).buffer(
+            BLOCK_SURFACES.forecourt_m - BLOCK_SURFACES.courtyard_m
         )
         open_ground = shapely.union_all([*near, near_buildings]).difference(built)
         if within is not None:
             end = shapely.union_all([within, shapely.union_all(outlines)]).buffer(
-                settings.forecourt_m, join_style="mitre"
+                BLOCK_SURFACES.forecourt_m, join_style="mitre"
             )
             open_ground = open_ground.intersection(end)
         parts = sorted(shapely.get_parts(open_ground), key=lambda p: p.bounds)
@@ -131,7 +131,6 @@ def add_building_charts(
     terrain: Terrain,
     adjoining: Sequence[Polygon | MultiPolygon] = (),
     surroundings: RoofSurroundings = OPEN_SURROUNDINGS,
-    settings: SurfaceSettings = BLOCK_SURFACES,
 ) -> tuple[Polygon | MultiPolygon, Facets | None]:
     """Add the charts and triangles of one building to a chart builder.
 
@@ -140,7 +139,6 @@ def add_building_charts(
     target : place of the surfaces.
     adjoining : footprints that its roof continues over.
     surroundings : surroundings of its roof edges.
-    settings : numbers of the step.
 
     Returns
     -------
@@ -151,7 +149,7 @@ def add_building_charts(
     GeometryError
         Where the building has no usable surface.
     """
-    outline = _valid_outline(building, settings)
+    outline = _valid_outline(building)
     building = lower_to_ground(building, outline, terrain)
     if building.shell is not None:
         shell = lift_to_ground(building.shell, terrain.lowest_along(outline))
@@ -215,9 +213,9 @@ def _wall_foot(terrain: Terrain, base: float, raised: float, place: Float64Array
     return base + raised if raised else max(base, float(terrain.interpolate(place[None])[0]))
 
 
-def _valid_outline(building: Building, settings: SurfaceSettings) -> Polygon | MultiPolygon:
+def _valid_outline(building: Building) -> Polygon | MultiPolygon:
     """Return the simplified outline of a building; only a shell may have several parts."""
-    footprint = shapely.orient_polygons(building.footprint.simplify(settings.collinear_tolerance_m))
+    footprint = shapely.orient_polygons(building.footprint.simplify(BLOCK_SURFACES.collinear_tolerance_m))
     kinds = ("Polygon",) if building.shell is None else ("Polygon", "MultiPolygon")
     if footprint.geom_type not in kinds or not footprint.area > 0:
         raise GeometryError("its footprint has no area; repair or drop it")

@@ -10,7 +10,7 @@ from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Ar
 from facade_core.core.errors import GeometryError
 from facade_core.core.numba_cache import njit
 from facade_core.geometry.charts import raster_sizes
-from facade_core.geometry.settings import PACKING, PackingSettings
+from facade_core.geometry.settings import PACKING
 
 # Charts wider than half a chunk share chunks where they are at most chunk / THIN_DIVISOR texels high.
 THIN_DIVISOR = 4
@@ -36,6 +36,15 @@ class ChartPlacements:
     height: Int32Array
     texels_per_metre: Float64Array
     pages: int
+
+    def shape(self, chart: int) -> tuple[int, int]:
+        """Return the numbers of rows and columns of a chart."""
+        return int(self.height[chart]), int(self.width[chart])
+
+    def region(self, chart: int) -> tuple[int, slice, slice]:
+        """Return page, rows and columns of a chart's texels: an index of the atlas arrays."""
+        (height, width), y, x = self.shape(chart), int(self.y[chart]), int(self.x[chart])
+        return int(self.page[chart]), slice(y, y + height), slice(x, x + width)
 
     def chunks(self, chart: int, chunk: int, gutter: int) -> Int32Array:
         """Return the chunks that hold a chart's texels and gutters.
@@ -78,7 +87,6 @@ def pack_charts(
     gutter: int,
     ids: UInt64Array | None = None,
     previous: PreviousChartPlacements | None = None,
-    settings: PackingSettings = PACKING,
 ) -> ChartPlacements:
     """Pack charts into square pages, first fit in their order over the last few pages.
 
@@ -96,7 +104,6 @@ def pack_charts(
     gutter : texels around each chart.
     ids : (n,) chart ids, needed with `previous`.
     previous : placement of an earlier ingest.
-    settings : numbers of the step.
 
     Raises
     ------
@@ -121,7 +128,7 @@ def pack_charts(
         place,
         cells,
         page // chunk,
-        settings.max_open_pages if previous is None else blocks + int(place[:, 0].max(initial=0)) + 1,
+        PACKING.max_open_pages if previous is None else blocks + int(place[:, 0].max(initial=0)) + 1,
     )
     return ChartPlacements(
         page=place[block, 0].astype(np.int32),

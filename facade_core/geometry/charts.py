@@ -22,7 +22,7 @@ from facade_core.core.arrays import (
     UInt8Array,
 )
 from facade_core.core.grouping import RowsByValue
-from facade_core.geometry.settings import CHARTS, ChartSettings
+from facade_core.geometry.settings import CHARTS
 
 CHART_KINDS = ("wall", "roof", "ground", "window", "door", "ceiling", "metal")
 
@@ -209,19 +209,18 @@ def raster_sizes(size: Float64Array, texels_per_metre: float | Float64Array) -> 
     return np.maximum(1, np.ceil((size.T * texels_per_metre).T - 1e-6)).astype(np.int64)
 
 
-def chart_axes_right_down(normal: Float64Array, settings: ChartSettings = CHARTS) -> tuple[Float64Array, Float64Array]:
+def chart_axes_right_down(normal: Float64Array) -> tuple[Float64Array, Float64Array]:
     """Compute the axes of charts: u horizontal (east on level charts), v = u x n, which runs down on walls.
 
     Parameters
     ----------
     normal : (n, 3) unit normals.
-    settings : numbers of the step.
 
     Returns
     -------
     axis_u and axis_v, (n, 3) each.
     """
-    level = np.hypot(normal[:, 0], normal[:, 1]) < settings.max_level_sine
+    level = np.hypot(normal[:, 0], normal[:, 1]) < CHARTS.max_level_sine
     east = np.array([1.0, 0.0, 0.0]) - normal[:, :1] * normal
     along = np.stack([-normal[:, 1], normal[:, 0], np.zeros(len(normal))], axis=1)
     axis_u = np.where(level[:, None], east, along)

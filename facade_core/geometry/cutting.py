@@ -7,12 +7,10 @@ import shapely
 from shapely import Polygon
 
 from facade_core.core.arrays import Float32Array, Float64Array, Int64Array
-from facade_core.geometry.settings import CUTTING, CuttingSettings
+from facade_core.geometry.settings import CUTTING
 
 
-def grid_crossings(
-    a: Float64Array, b: Float64Array, length: float, grid: float, settings: CuttingSettings = CUTTING
-) -> Float64Array:
+def grid_crossings(a: Float64Array, b: Float64Array, length: float, grid: float) -> Float64Array:
     """Compute the distances at which a wall crosses the world grid.
 
     Parameters
@@ -20,7 +18,6 @@ def grid_crossings(
     a, b : (2,) ends of the wall.
     length : metres between them.
     grid : step of the world grid in metres.
-    settings : numbers of the step.
 
     Returns
     -------
@@ -33,9 +30,9 @@ def grid_crossings(
         if high - low > 1e-9:
             crossings.append((lines - a[axis]) / (b[axis] - a[axis]) * length)
     cuts = np.unique(np.round(np.clip(np.concatenate(crossings), 0, length), 6))
-    keep = np.concatenate([[True], np.diff(cuts) > settings.min_wall_piece_m])
+    keep = np.concatenate([[True], np.diff(cuts) > CUTTING.min_wall_piece_m])
     keep[-1], keep[0] = True, True
-    if len(cuts) > 2 and cuts[-1] - cuts[keep][-2] <= settings.min_wall_piece_m:
+    if len(cuts) > 2 and cuts[-1] - cuts[keep][-2] <= CUTTING.min_wall_piece_m:
         keep[np.flatnonzero(keep)[-2]] = False
     kept: Float64Array = cuts[keep]
     return kept
@@ -73,7 +70,7 @@ def cut_polygon_on_grid(polygon: Polygon, grid: float) -> list[Polygon]:
 
 
 def cut_triangles_on_grid(
-    vertices: Float64Array, triangles: Int64Array, uv: Float32Array, grid: float, settings: CuttingSettings = CUTTING
+    vertices: Float64Array, triangles: Int64Array, uv: Float32Array, grid: float
 ) -> tuple[Float64Array, Int64Array, Float32Array, Int64Array, Int64Array]:
     """Cut triangles on the planes of the world grid, along the axes on which together they exceed a cell.
 
@@ -83,7 +80,6 @@ def cut_triangles_on_grid(
     triangles : (t, 3).
     uv : (t, 3, 2) texture coordinates of the corners.
     grid : step of the world grid in metres.
-    settings : numbers of the step.
 
     Returns
     -------
@@ -95,7 +91,7 @@ def cut_triangles_on_grid(
     axes = np.flatnonzero(high - low > grid).tolist()
     for axis in axes:
         for at in np.arange(np.floor(low[axis] / grid) + 1, np.ceil(high[axis] / grid)) * grid:
-            vertices, triangles, uv, part = _split_at_plane(vertices, triangles, uv, axis, at, settings)
+            vertices, triangles, uv, part = _split_at_plane(vertices, triangles, uv, axis, at)
             source = source[part]
     middle = vertices[triangles].mean(axis=1)[:, axes]
     cell = np.unique(np.floor(middle / grid), axis=0, return_inverse=True)[1].reshape(-1)
@@ -103,11 +99,11 @@ def cut_triangles_on_grid(
 
 
 def _split_at_plane(
-    vertices: Float64Array, triangles: Int64Array, uv: Float32Array, axis: int, at: float, settings: CuttingSettings
+    vertices: Float64Array, triangles: Int64Array, uv: Float32Array, axis: int, at: float
 ) -> tuple[Float64Array, Int64Array, Float32Array, Int64Array]:
     """Split triangles that cross a plane in two or three; the fourth value is the source triangle of each part."""
     height = vertices[:, axis] - at
-    height[np.abs(height) < settings.on_plane_m] = 0
+    height[np.abs(height) < CUTTING.on_plane_m] = 0
     side = np.sign(height)[triangles]
     cross = np.flatnonzero((side.min(axis=1) < 0) & (side.max(axis=1) > 0))
     rest = np.setdiff1d(np.arange(len(triangles)), cross)

@@ -11,7 +11,7 @@ from facade_core.core.arrays import BoolArray, Float64Array, Int64Array, IntArra
 from facade_core.core.numba_cache import njit
 from facade_core.geometry.charts import Charts
 from facade_core.geometry.raycast import MISS, RayCaster
-from facade_core.geometry.settings import DAYLIGHT, DaylightSettings
+from facade_core.geometry.settings import DAYLIGHT
 
 # Share of the light that is ambient.
 MIN_DAYLIGHT = 0.35
@@ -121,9 +121,9 @@ def fill_daylight_inside_buildings(
             hidden = ring
 
 
-def hemisphere_directions(settings: DaylightSettings = DAYLIGHT) -> Float64Array:
+def hemisphere_directions() -> Float64Array:
     """Return unit directions (`rays_per_place`, 3) about +z with cosine density: a spiral of equal steps."""
-    share = (np.arange(settings.rays_per_place) + 0.5) / settings.rays_per_place
-    turn = np.pi * (3 - np.sqrt(5)) * np.arange(settings.rays_per_place)
+    share = (np.arange(DAYLIGHT.rays_per_place) + 0.5) / DAYLIGHT.rays_per_place
+    turn = np.pi * (3 - np.sqrt(5)) * np.arange(DAYLIGHT.rays_per_place)
     radius = np.sqrt(share)
     return np.column_stack([radius * np.cos(turn), radius * np.sin(turn), np.sqrt(1 - share)])

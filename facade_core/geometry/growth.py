@@ -8,15 +8,11 @@ import shapely
 from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from facade_core.geometry.settings import GROWTH, GrowthSettings
+from facade_core.geometry.settings import GROWTH
 
 
 def grow_union(
-    union: BaseGeometry,
-    outlines: Sequence[Polygon | MultiPolygon],
-    distance: float,
-    join_style: str = "round",
-    settings: GrowthSettings = GROWTH,
+    union: BaseGeometry, outlines: Sequence[Polygon | MultiPolygon], distance: float, join_style: str = "round"
 ) -> BaseGeometry:
     """Grow the union of outlines by a distance, as `buffer` does.
 
@@ -29,12 +25,11 @@ def grow_union(
     union : union of the outlines.
     distance : metres, above 0.
     join_style : join style of `shapely.buffer`.
-    settings : numbers of the step.
     """
     corners = shapely.get_num_coordinates(outlines)
-    step = settings.first_step_m
+    step = GROWTH.first_step_m
     while distance > 2 * step and (
-        corners.max(initial=0) > settings.max_outline_corners or corners.sum() > settings.max_corners
+        corners.max(initial=0) > GROWTH.max_outline_corners or corners.sum() > GROWTH.max_corners
     ):
         union = union.buffer(step, quad_segs=4, join_style=join_style)
         distance, step = distance - step, 2 * step

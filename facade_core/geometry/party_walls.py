@@ -8,25 +8,25 @@ from facade_core.core.arrays import BoolArray, Float64Array
 from facade_core.core.fixed_order import multiply_matrices
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.scene import Scene
-from facade_core.geometry.settings import PARTY_WALLS, PartyWallSettings
+from facade_core.geometry.settings import PARTY_WALLS
 
 
-def find_enclosed_texels(scene: Scene, chart: int, settings: PartyWallSettings = PARTY_WALLS) -> BoolArray:
+def find_enclosed_texels(scene: Scene, chart: int) -> BoolArray:
     """Return the texels (h, w) of a wall that are inside a building; none for charts of other kinds.
 
     A probe is inside where a ray outwards and a ray upwards both hit a back face first.
     """
-    height, width = int(scene.placement.height[chart]), int(scene.placement.width[chart])
+    height, width = scene.placement.shape(chart)
     charts = scene.charts
     if charts.kind[chart] != ChartKind.WALL:
         return np.zeros((height, width), bool)
-    columns, rows = np.maximum(np.ceil(charts.size[chart] / settings.probe_spacing_m), 1).astype(int) + 1
+    columns, rows = np.maximum(np.ceil(charts.size[chart] / PARTY_WALLS.probe_spacing_m), 1).astype(int) + 1
     across, down = (
-        np.linspace(settings.edge_inset_m, side - settings.edge_inset_m, n)
+        np.linspace(PARTY_WALLS.edge_inset_m, side - PARTY_WALLS.edge_inset_m, n)
         for side, n in zip(charts.size[chart], (columns, rows), strict=True)
     )
     normal = charts.normals()[chart]
-    points = charts.points(chart, across[None], down[:, None]).reshape(-1, 3) + settings.probe_distance_m * normal
+    points = charts.points(chart, across[None], down[:, None]).reshape(-1, 3) + PARTY_WALLS.probe_distance_m * normal
     inside = _hits_back_face(scene, points, normal)
     inside[inside] = _hits_back_face(scene, points[inside], np.array([0.0, 0.0, 1.0]))
     corner = inside.reshape(rows, columns)

@@ -10,7 +10,7 @@ import shapely
 from shapely import LineString, Polygon
 
 from facade_core.core.arrays import Float64Array
-from facade_core.geometry.settings import STREET_VIEWPOINTS, StreetSettings
+from facade_core.geometry.settings import STREET_VIEWPOINTS
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,6 @@ def place_viewpoints(
     obstacles: Sequence[Polygon] | shapely.STRtree = (),
     clearance: float = 0.3,
     ground: Callable[[Float64Array], Float64Array] = zero_ground_heights,
-    settings: StreetSettings = STREET_VIEWPOINTS,
 ) -> tuple[Float64Array, Float64Array]:
     """Place viewpoints every `spacing` metres along a centreline.
 
@@ -58,14 +57,13 @@ def place_viewpoints(
     obstacles : polygons, or a tree of them for many streets.
     clearance : metres from a viewpoint to an obstacle.
     ground : maps points (n, 2) to ground heights (n,).
-    settings : numbers of the step.
 
     Returns
     -------
     (n, 3) positions in metres, and (n, 2) forward unit vectors.
     """
     if centreline.length <= spacing:
-        distance = np.array([centreline.length / 2] if centreline.length >= settings.min_street_m else [])
+        distance = np.array([centreline.length / 2] if centreline.length >= STREET_VIEWPOINTS.min_street_m else [])
     else:
         distance = np.arange(spacing / 2, centreline.length, spacing)
     if len(distance) == 0:

@@ -9,7 +9,7 @@ import shapely
 
 from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array
 from facade_core.plan.exemplar_style import ExemplarLibrary
-from facade_core.plan.settings import EXEMPLAR_CHOICE, ExemplarChoiceSettings
+from facade_core.plan.settings import EXEMPLAR_CHOICE
 
 
 @dataclass(frozen=True)
@@ -34,13 +34,7 @@ class ExemplarTargetWalls:
     shops: Int64Array
 
 
-def choose_exemplars(
-    walls: ExemplarTargetWalls,
-    library: ExemplarLibrary,
-    *,
-    seed: int,
-    settings: ExemplarChoiceSettings = EXEMPLAR_CHOICE,
-) -> Int64Array:
+def choose_exemplars(walls: ExemplarTargetWalls, library: ExemplarLibrary, *, seed: int) -> Int64Array:
     """Choose an exemplar for each wall; the walls of one building share theirs.
 
     The misfit is that of the building's widest wall: floors, floor height, families of the street, quality, and shares
@@ -53,7 +47,6 @@ def choose_exemplars(
     walls : walls to choose for.
     library : exemplars to choose from.
     seed : random seed.
-    settings : numbers of the step.
 
     Returns
     -------
@@ -64,18 +57,18 @@ def choose_exemplars(
         return np.zeros(0, np.int64)
     order = np.lexsort((-walls.width, row))
     main = order[np.searchsorted(row[order], np.arange(len(numbers)))]
-    misfit = _misfit_costs(walls, main, library, settings)
+    misfit = _misfit_costs(walls, main, library)
     draws = _draw_by_building(numbers, seed, 1 + misfit.shape[1])
-    misfit += settings.random_cost * draws[:, 1:]
-    misfit += settings.other_family_cost * ~_is_in_street_families(walls.street[main], library.family, seed, settings)
-    near, metres = _neighbouring_buildings(walls.ends, row, len(numbers), settings)
+    misfit += EXEMPLAR_CHOICE.random_cost * draws[:, 1:]
+    misfit += EXEMPLAR_CHOICE.other_family_cost * ~_is_in_street_families(walls.street[main], library.family, seed)
+    near, metres = _neighbouring_buildings(walls.ends, row, len(numbers))
     width = np.asarray(np.bincount(row, walls.width), np.float64)
     rank = _rank_buildings(numbers, draws[:, 0], width)
 
     chosen = np.full(len(numbers), -1)
     for i in np.argsort(rank).tolist():
-        fits = np.where(_exceeds_share(chosen, width, i, near[i], misfit.shape[1], settings), np.inf, misfit[i])
-        chosen[i] = _cheapest_exemplar(fits, chosen[near[i]], metres[i], library, settings)
+        fits = np.where(_exceeds_share(chosen, width, i, near[i], misfit.shape[1]), np.inf, misfit[i])
+        chosen[i] = _cheapest_exemplar(fits, chosen[near[i]], metres[i], library)
     return chosen[row]
 
 
@@ -104,12 +97,10 @@ class ExemplarChoiceOrder:
         return self.numbers[found]
 
 
-def exemplar_choice_order(
-    walls: ExemplarTargetWalls, *, seed: int, settings: ExemplarChoiceSettings = EXEMPLAR_CHOICE
-) -> ExemplarChoiceOrder:
+def exemplar_choice_order(walls: ExemplarTargetWalls, *, seed: int) -> ExemplarChoiceOrder:
     """Compute the order in which `choose_exemplars` visits buildings."""
     numbers, row = np.unique(walls.building, return_inverse=True)
-    near, _ = _neighbouring_buildings(walls.ends, row, len(numbers), settings)
+    near, _ = _neighbouring_buildings(walls.ends, row, len(numbers))
     width = np.asarray(np.bincount(row, walls.width), np.float64)
     rank = _rank_buildings(numbers, _draw_by_building(numbers, seed, 1)[:, 0], width)
     return ExemplarChoiceOrder(numbers, tuple(others[rank[others] < rank[one]] for one, others in enumerate(near)))
@@ -132,30 +123,30 @@ def _rank_buildings(numbers: Int64Array, draws: Float64Array, width: Float64Arra
     return rank
 
 
-def _misfit_costs(
-    walls: ExemplarTargetWalls, main: Int64Array, library: ExemplarLibrary, settings: ExemplarChoiceSettings
-) -> Float64Array:
+def _misfit_costs(walls: ExemplarTargetWalls, main: Int64Array, library: ExemplarLibrary) -> Float64Array:
     """Compute the cost of each exemplar for each building by its widest wall, (b, k)."""
 
     def ratio(own: Float64Array, theirs: Float64Array) -> Float64Array:
         return np.abs(np.log(own[:, None] / theirs[None]))
 
     floors, given = walls.floors[main].astype(float), np.maximum(np.asarray(library.floors, float), 1)
-    misfit = settings.floors_cost * ratio(floors, given)
-    misfit += settings.floor_height_cost * ratio(walls.height[main] / floors, np.asarray(library.height, float) / given)
-    misfit += settings.width_cost * ratio(walls.width[main], np.asarray(library.width, float))
-    misfit += settings.hidden_cost * np.maximum(0, np.asarray(library.hidden, float) - settings.usual_hidden_share)
-    misfit += settings.quality_cost * (1 - np.asarray(library.quality, float))
+    misfit = EXEMPLAR_CHOICE.floors_cost * ratio(floors, given)
+    misfit += EXEMPLAR_CHOICE.floor_height_cost * ratio(
+        walls.height[main] / floors, np.asarray(library.height, float) / given
+    )
+    misfit += EXEMPLAR_CHOICE.width_cost * ratio(walls.width[main], np.asarray(library.width, float))
+    misfit += EXEMPLAR_CHOICE.hidden_cost * np.maximum(
+        0, np.asarray(library.hidden, float) - EXEMPLAR_CHOICE.usual_hidden_share
+    )
+    misfit += EXEMPLAR_CHOICE.quality_cost * (1 - np.asarray(library.quality, float))
     mapped, has_shops = walls.shops[main][:, None], np.asarray(library.shops, float) > 0
-    misfit += settings.shop_mismatch_cost * ((mapped >= 0) & (has_shops != (mapped > 0)))
-    return misfit + settings.hidden_cost * np.maximum(
-        0, np.asarray(library.shaded, float) - settings.usual_shaded_share
+    misfit += EXEMPLAR_CHOICE.shop_mismatch_cost * ((mapped >= 0) & (has_shops != (mapped > 0)))
+    return misfit + EXEMPLAR_CHOICE.hidden_cost * np.maximum(
+        0, np.asarray(library.shaded, float) - EXEMPLAR_CHOICE.usual_shaded_share
     )
 
 
-def _is_in_street_families(
-    street: Int64Array, family: Int64Array, seed: int, settings: ExemplarChoiceSettings
-) -> BoolArray:
+def _is_in_street_families(street: Int64Array, family: Int64Array, seed: int) -> BoolArray:
     """Return whether each exemplar is of the families of each building's street (b,), (b, k).
 
     A street draws its families in proportion to the number of their exemplars.
@@ -166,17 +157,17 @@ def _is_in_street_families(
     arrival = np.cumsum(1 / np.arange(len(size), 0, -1))
     for number in np.unique(street).tolist():
         order = np.random.default_rng([seed, number]).permutation(len(size))
-        kept = order[np.argsort(arrival / size[order], kind="stable")[: settings.families_per_street]]
+        kept = order[np.argsort(arrival / size[order], kind="stable")[: EXEMPLAR_CHOICE.families_per_street]]
         home[street == number] = np.isin(family, kept)
     return home
 
 
 def _neighbouring_buildings(
-    ends: Float64Array, row: Int64Array, count: int, settings: ExemplarChoiceSettings
+    ends: Float64Array, row: Int64Array, count: int
 ) -> tuple[list[Int64Array], list[Float64Array]]:
     """Return the neighbours of each building within `neighbourhood_m`, ascending, and their distances in metres."""
     lines = shapely.linestrings(ends)
-    one, other = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=settings.neighbourhood_m)
+    one, other = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=EXEMPLAR_CHOICE.neighbourhood_m)
     apart = row[one] != row[other]
     pairs = np.column_stack([row[one[apart]], row[other[apart]]])
     metres = shapely.distance(lines[one[apart]], lines[other[apart]])
@@ -189,9 +180,7 @@ def _neighbouring_buildings(
     return np.split(pairs[:, 1], cuts), np.split(metres, cuts)
 
 
-def _exceeds_share(
-    chosen: Int64Array, width: Float64Array, own: int, near: Int64Array, count: int, settings: ExemplarChoiceSettings
-) -> BoolArray:
+def _exceeds_share(chosen: Int64Array, width: Float64Array, own: int, near: Int64Array, count: int) -> BoolArray:
     """Return the exemplars (count,) that would cover too much of what has chosen near a building, never all of them.
 
     Parameters
@@ -204,27 +193,23 @@ def _exceeds_share(
     has = near[chosen[near] >= 0]
     covered = np.bincount(chosen[has], width[has], count) + float(width[own])
     share = covered / (width[has].sum() + width[own])
-    is_more: BoolArray = share > max(settings.max_exemplar_share, settings.spare_share / count, float(share.min()))
+    is_more: BoolArray = share > max(
+        EXEMPLAR_CHOICE.max_exemplar_share, EXEMPLAR_CHOICE.spare_share / count, float(share.min())
+    )
     return is_more
 
 
-def _cheapest_exemplar(
-    misfit: Float64Array,
-    theirs: Int64Array,
-    metres: Float64Array,
-    library: ExemplarLibrary,
-    settings: ExemplarChoiceSettings,
-) -> int:
+def _cheapest_exemplar(misfit: Float64Array, theirs: Int64Array, metres: Float64Array, library: ExemplarLibrary) -> int:
     """Return the cheapest exemplar for a building, given those of its neighbours (-1: none yet) and their distances."""
     cost = misfit.copy()
     has = theirs >= 0
-    closeness = 1 - metres[has] / settings.neighbourhood_m
+    closeness = 1 - metres[has] / EXEMPLAR_CHOICE.neighbourhood_m
     for exemplar, close in zip(theirs[has].tolist(), closeness.tolist(), strict=True):
-        cost[exemplar] = max(cost[exemplar], misfit[exemplar] + settings.same_exemplar_cost * (1 + close))
+        cost[exemplar] = max(cost[exemplar], misfit[exemplar] + EXEMPLAR_CHOICE.same_exemplar_cost * (1 + close))
     if has.any():
         alike = np.exp(-(library.distance[theirs[has]] ** 2)) * closeness[:, None]
-        cost += settings.similar_cost * alike.max(axis=0)
-        cost += settings.same_form_cost * np.exp(-((library.form[theirs[has]] / settings.form_distance) ** 2)).max(
-            axis=0
-        )
+        cost += EXEMPLAR_CHOICE.similar_cost * alike.max(axis=0)
+        cost += EXEMPLAR_CHOICE.same_form_cost * np.exp(
+            -((library.form[theirs[has]] / EXEMPLAR_CHOICE.form_distance) ** 2)
+        ).max(axis=0)
     return int(np.argmin(cost))

@@ -21,7 +21,7 @@ from facade_core.geometry.scene import Scene
 from facade_core.geometry.settings import FACADE_WALLS
 from facade_core.geometry.streets import Viewpoint
 from facade_core.geometry.walls import WallRole, group_walls_into_runs
-from facade_core.plan.settings import PLANNED_FACADES, FacadeSettings
+from facade_core.plan.settings import PLANNED_FACADES
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,6 @@ def find_facades(
     floor_height: float,
     free_share: Float64Array,
     streets: Sequence[Street] = (),
-    settings: FacadeSettings = PLANNED_FACADES,
 ) -> Facades:
     """Find the facades of a block: walls that a street sees, and with `streets` all others with a free part.
 
@@ -107,22 +106,21 @@ def find_facades(
     floor_height : floor height in metres where levels are not tagged.
     free_share : (charts,) share of each chart without a neighbour against it.
     streets : all streets; empty restricts the result to walls that a street sees.
-    settings : numbers of the step.
     """
     charts = scene.charts
-    large = _is_large_wall(scene, settings) & _is_upright_wall(scene, buildings, settings)
-    free = free_wall_mask(scene, buildings, free_share, settings=settings) if streets else np.zeros(len(charts), bool)
+    large = _is_large_wall(scene) & _is_upright_wall(scene, buildings)
+    free = free_wall_mask(scene, buildings, free_share) if streets else np.zeros(len(charts), bool)
     runs = group_walls_into_runs(charts, np.flatnonzero(large | free))
     run, wide, along = np.arange(len(charts)), charts.size[:, 0].copy(), np.zeros(len(charts))
     for one in runs:
         ends = np.concatenate([[0.0], np.cumsum(charts.size[one, 0])])
         run[one], wide[one], along[one] = one[0], ends[-1], ends[:-1]
-    best, street = _best_visibility(scene, large | free, viewpoints, seen, settings)
-    shown = best >= settings.min_seen_share
+    best, street = _best_visibility(scene, large | free, viewpoints, seen)
+    shown = best >= PLANNED_FACADES.min_seen_share
     for one in runs:  # all facets of a round wall share one role
         shown[one] = shown[one].any() if streets else shown[one]
     role = np.where(
-        shown, np.where(wide >= settings.min_facade_width_m, WallRole.STREET, WallRole.SIDE), WallRole.BACK
+        shown, np.where(wide >= PLANNED_FACADES.min_facade_width_m, WallRole.STREET, WallRole.SIDE), WallRole.BACK
     ).astype(np.uint8)
     chart = np.flatnonzero((large & (role == WallRole.STREET)) | free)
     if streets:
@@ -130,9 +128,9 @@ def find_facades(
     building = charts.building[chart]
     wall = _wall_numbers(charts)[chart]
     width, height = charts.size[chart].T
-    foot, eaves = _foot_and_eaves(charts, chart, settings)
+    foot, eaves = _foot_and_eaves(charts, chart)
     levels = [buildings[b].levels for b in building]
-    storeys = count_facade_floors(levels, eaves, floor_height, settings=settings)
+    storeys = count_facade_floors(levels, eaves, floor_height)
     _, first, of = np.unique(run[chart], return_index=True, return_inverse=True)
     return Facades(
         id=tuple(f"{buildings[b].id}-{w}" for b, w in zip(building, wall, strict=True)),
@@ -153,57 +151,53 @@ def find_facades(
         foot=foot,
         eaves=eaves,
         storeys=storeys,
-        raised=np.array([buildings[b].raised > 0 for b in building], bool)
-        | _begins_above_ground(scene, chart, foot, settings),
+        raised=np.array([buildings[b].raised > 0 for b in building], bool) | _begins_above_ground(scene, chart, foot),
         house=np.array([hash_name(buildings[b].whole_id) for b in building], np.int64),
         roofed=np.array([_has_modelled_roof(buildings[b]) for b in building], bool),
     )
 
 
-def free_wall_mask(
-    scene: Scene, buildings: Sequence[Building], free_share: Float64Array, settings: FacadeSettings = PLANNED_FACADES
-) -> BoolArray:
+def free_wall_mask(scene: Scene, buildings: Sequence[Building], free_share: Float64Array) -> BoolArray:
     """Return the walls at least a floor high with a free part, which are facades whether a street sees them or not.
 
     Parameters
     ----------
     scene, buildings, free_share : as of `find_facades`.
-    settings : numbers of the step.
 
     Returns
     -------
     (charts,) bool.
     """
     return (
-        _is_tall_wall(scene.charts, settings)
-        & (free_share >= settings.min_free_share)
-        & _is_upright_wall(scene, buildings, settings)
+        _is_tall_wall(scene.charts)
+        & (free_share >= PLANNED_FACADES.min_free_share)
+        & _is_upright_wall(scene, buildings)
     )
 
 
-def _is_upright_wall(scene: Scene, buildings: Sequence[Building], settings: FacadeSettings) -> BoolArray:
+def _is_upright_wall(scene: Scene, buildings: Sequence[Building]) -> BoolArray:
     """Return the charts that are neither gables nor inside passages, (charts,)."""
-    return ~_is_gable(scene, buildings) & ~_is_inside_passage(scene.charts, buildings, settings)
+    return ~_is_gable(scene, buildings) & ~_is_inside_passage(scene.charts, buildings)
 
 
-def _is_large_wall(scene: Scene, settings: FacadeSettings) -> BoolArray:
+def _is_large_wall(scene: Scene) -> BoolArray:
     """Return the walls that are large enough to be parsed, (charts,)."""
     charts = scene.charts
     large = (
         (charts.kind == ChartKind.WALL)
-        & (charts.size[:, 0] >= settings.min_facade_width_m)
-        & (charts.size[:, 1] >= settings.min_facade_height_m)
+        & (charts.size[:, 0] >= PLANNED_FACADES.min_facade_width_m)
+        & (charts.size[:, 1] >= PLANNED_FACADES.min_facade_height_m)
     )
     is_large_wall: BoolArray = large & (
-        charts.texels(scene.placement.texels_per_metre).min(axis=1) >= settings.min_facade_texels
+        charts.texels(scene.placement.texels_per_metre).min(axis=1) >= PLANNED_FACADES.min_facade_texels
     )
     return is_large_wall
 
 
-def _is_tall_wall(charts: Charts, settings: FacadeSettings) -> BoolArray:
+def _is_tall_wall(charts: Charts) -> BoolArray:
     """Return the walls at least a floor high, narrow ones and the facets of round ones included, (charts,)."""
     tall, width = (
-        (charts.kind == ChartKind.WALL) & (charts.size[:, 1] >= settings.min_facade_height_m),
+        (charts.kind == ChartKind.WALL) & (charts.size[:, 1] >= PLANNED_FACADES.min_facade_height_m),
         charts.size[:, 0],
     )
     is_wide = width >= FACADE_WALLS.min_wall_m
@@ -211,7 +205,7 @@ def _is_tall_wall(charts: Charts, settings: FacadeSettings) -> BoolArray:
         tall & (width >= FACADE_WALLS.min_unrolled_facet_m) & (width < FACADE_WALLS.max_unrolled_facet_m)
     )
     for run in group_walls_into_runs(charts, facets) if not is_wide[facets].all() else ():
-        is_wide[run] |= width[run].sum() >= settings.min_facade_width_m
+        is_wide[run] |= width[run].sum() >= PLANNED_FACADES.min_facade_width_m
     is_tall_wall: BoolArray = tall & is_wide
     return is_tall_wall
 
@@ -225,34 +219,34 @@ def _nearest_streets(
     return np.where(seen > 0, street, nearest).astype(np.int32)
 
 
-def _foot_and_eaves(charts: Charts, chart: Int64Array, settings: FacadeSettings) -> tuple[Float64Array, Float64Array]:
+def _foot_and_eaves(charts: Charts, chart: Int64Array) -> tuple[Float64Array, Float64Array]:
     """Return the foot of walls (k,) over the prevailing foot of their building, and the prevailing eaves over that, metres."""
     foot = charts.points_at_shares(chart, np.array([[0.0, 1.0]]))[:, 0, 2]
     top, width = charts.origin[chart, 2], charts.size[chart, 0]
     over, eaves = np.zeros(len(chart)), charts.size[chart, 1].copy()
     for own in group_rows(charts.building[chart]).values():
         base, end = (_prevailing_level(level[own], width[own]) for level in (foot, top))
-        if end - base >= settings.min_facade_height_m:
+        if end - base >= PLANNED_FACADES.min_facade_height_m:
             over[own], eaves[own] = foot[own] - base, end - base
     return np.where(np.abs(over) < FACADE_WALLS.level_tolerance_m, 0.0, over), eaves
 
 
-def _begins_above_ground(scene: Scene, chart: Int64Array, foot: Float64Array, settings: FacadeSettings) -> BoolArray:
+def _begins_above_ground(scene: Scene, chart: Int64Array, foot: Float64Array) -> BoolArray:
     """Return the walls (k,) above a roof, or a floor above the prevailing foot and without ground below."""
     charts = scene.charts
-    feet = charts.points_at_shares(chart, np.array([[share, 1.0] for share in settings.foot_probe_shares]))
+    feet = charts.points_at_shares(chart, np.array([[share, 1.0] for share in PLANNED_FACADES.foot_probe_shares]))
     above = (
         feet
-        + settings.foot_probe_distance_m * charts.normals()[chart][:, None]
-        + [0.0, 0.0, settings.foot_probe_height_m]
+        + PLANNED_FACADES.foot_probe_distance_m * charts.normals()[chart][:, None]
+        + [0.0, 0.0, PLANNED_FACADES.foot_probe_height_m]
     )
     distance, met = scene.caster.cast(above, np.broadcast_to([0.0, 0.0, -1.0], above.shape))
     is_near, kind = (
-        (met != MISS) & (distance < settings.foot_probe_height_m + settings.max_ground_drop_m),
+        (met != MISS) & (distance < PLANNED_FACADES.foot_probe_height_m + PLANNED_FACADES.max_ground_drop_m),
         charts.kind[met],
     )
     roofs, grounds = ((is_near & (kind == one)).mean(axis=1) > 0.5 for one in (ChartKind.ROOF, ChartKind.GROUND))
-    is_raised: BoolArray = roofs | ((foot > settings.min_facade_height_m) & ~grounds)
+    is_raised: BoolArray = roofs | ((foot > PLANNED_FACADES.min_facade_height_m) & ~grounds)
     return is_raised
 
 
@@ -285,7 +279,7 @@ def _is_gable(scene: Scene, buildings: Sequence[Building]) -> BoolArray:
     return is_gable
 
 
-def _is_inside_passage(charts: Charts, buildings: Sequence[Building], settings: FacadeSettings) -> BoolArray:
+def _is_inside_passage(charts: Charts, buildings: Sequence[Building]) -> BoolArray:
     """Return the walls inside the passages of buildings, which are no facades: (charts,)."""
     is_inside = np.zeros(len(charts), bool)
     opened = np.array([bool(building.passages) for building in buildings], bool)
@@ -293,23 +287,21 @@ def _is_inside_passage(charts: Charts, buildings: Sequence[Building], settings: 
     for chart in walls[opened[charts.building[walls]]].tolist():
         middle = shapely.Point(charts.points_at_shares(np.array([chart]), np.array([[0.5, 0.5]]))[0, 0, :2])
         footprint = buildings[charts.building[chart]].footprint
-        is_inside[chart] = footprint.contains(middle) and footprint.boundary.distance(middle) > settings.off_outline_m
+        is_inside[chart] = (
+            footprint.contains(middle) and footprint.boundary.distance(middle) > PLANNED_FACADES.off_outline_m
+        )
     return is_inside
 
 
 def _best_visibility(
-    scene: Scene,
-    candidate: BoolArray,
-    cameras: Sequence[Viewpoint],
-    seen: Sequence[Int32Array],
-    settings: FacadeSettings,
+    scene: Scene, candidate: BoolArray, cameras: Sequence[Viewpoint], seen: Sequence[Int32Array]
 ) -> tuple[Float64Array, Int32Array]:
     """Return the largest share of each chart that one street sees, (charts,), and the first such street, 0 without.
 
     Every viewpoint looks at a grid of points on each candidate in its panorama.
     """
     charts = scene.charts
-    across, down = ((np.arange(n) + 0.5) / n for n in settings.samples_per_axis)
+    across, down = ((np.arange(n) + 0.5) / n for n in PLANNED_FACADES.samples_per_axis)
     grid = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
     best, best_street = np.zeros(len(charts)), np.zeros(len(charts), np.int32)
     in_order = sorted(zip(cameras, seen, strict=True), key=lambda one: one[0].street)
@@ -343,9 +335,7 @@ def _wall_numbers(charts: Charts) -> Int64Array:
     return number
 
 
-def count_facade_floors(
-    levels: Sequence[int | None], height: Float64Array, floor_height: float, settings: FacadeSettings = PLANNED_FACADES
-) -> Int32Array:
+def count_facade_floors(levels: Sequence[int | None], height: Float64Array, floor_height: float) -> Int32Array:
     """Count the floors of facades: tagged levels, else by the floor height, limited to what the height allows.
 
     Parameters
@@ -353,7 +343,6 @@ def count_facade_floors(
     levels : tagged levels, None where unknown.
     height : (n,) metres.
     floor_height : floor height in metres.
-    settings : numbers of the step.
 
     Returns
     -------
@@ -363,7 +352,7 @@ def count_facade_floors(
     floors = np.where(tagged > 0, tagged, np.maximum(1, np.round(height / floor_height))).astype(np.int32)
     low, high = (
         np.where(tagged > 0, *limits)
-        for limits in zip(settings.tagged_floor_height_m, FACADE_WALLS.floor_height_m, strict=True)
+        for limits in zip(PLANNED_FACADES.tagged_floor_height_m, FACADE_WALLS.floor_height_m, strict=True)
     )
     most = np.maximum(1, np.floor(height / low))
     return np.clip(floors, np.minimum(np.ceil(height / high), most), most).astype(np.int32)

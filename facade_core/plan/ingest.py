@@ -11,7 +11,7 @@ from shapely import MultiPolygon, Polygon
 
 from facade_core.core.arrays import BoolArray, Float64Array, UInt64Array
 from facade_core.core.atlas_spec import AtlasSpec
-from facade_core.core.types import Building, ElevationRaster, MappedGround, Pose, Street
+from facade_core.core.types import Building, ElevationRaster, IngestSettings, MappedGround, Pose, Street
 from facade_core.geometry.block_surfaces import build_block_surfaces
 from facade_core.geometry.buildings.passages import footprint_without_headroom
 from facade_core.geometry.chart_packing import PreviousChartPlacements, pack_charts
@@ -43,32 +43,6 @@ from facade_core.plan.settings import HEADROOM
 
 
 @dataclass(frozen=True)
-class IngestSettings:
-    """Settings of a block that its plan depends on.
-
-    Attributes
-    ----------
-    texels_per_metre : density of the atlas near streets.
-    viewpoint_spacing : metres between viewpoints on a street.
-    viewpoint_height : metres above the ground.
-    visibility_range : metres from a viewpoint to the farthest chart that it textures.
-    panorama_width : pixels of a viewpoint's panorama.
-    floor_height : metres, where the levels of a building are not tagged.
-    walls : "exemplar" gives walls without pictures one; "translate" leaves them plain.
-    page : side of an atlas page in texels.
-    """
-
-    texels_per_metre: float
-    viewpoint_spacing: float
-    viewpoint_height: float
-    visibility_range: float
-    panorama_width: int
-    floor_height: float
-    walls: str
-    page: int = 2048
-
-
-@dataclass(frozen=True)
 class BlockInputs:
     """Geometry and panoramas of a block that its plan is built from.
 
@@ -76,6 +50,7 @@ class BlockInputs:
     ----------
     buildings : buildings of the block.
     streets : centrelines; without any they are derived from the gaps between the buildings.
+    floor_height : metres, where the levels of a building are not tagged.
     ground : mapped ground; None assumes carriageways along the streets.
     elevation : ground heights; None follows the bases of the buildings.
     poses, panorama_sizes : poses and (rows, columns) of the panoramas.
@@ -83,6 +58,7 @@ class BlockInputs:
 
     buildings: Sequence[Building]
     streets: Sequence[Street]
+    floor_height: float
     ground: MappedGround | None = None
     elevation: ElevationRaster | None = None
     poses: Sequence[Pose] = ()
@@ -130,7 +106,7 @@ def build_scene_layout(
     streets = tuple(inputs.streets) or derive_streets(footprints)
     ground = fit_ground_between_buildings(inputs.ground or MappedGround(), streets, footprints)
     terrain = build_terrain(buildings, inputs.elevation)
-    one_page = AtlasSpec(1, settings.texels_per_metre, page=settings.page)
+    one_page = AtlasSpec(1, settings.texels_per_metre)
     charts, mesh, refused = build_block_surfaces(
         buildings,
         streets,
@@ -159,7 +135,7 @@ def build_scene_layout(
         charts.size,
         density,
         charts.building,
-        page=settings.page,
+        page=one_page.page,
         chunk=one_page.chunk,
         gutter=one_page.gutter,
         ids=ids,
@@ -228,7 +204,7 @@ def complete_plan(
         settings.panorama_width,
         parallel_map,
     )
-    facades = find_facades(scene, buildings, cameras, looks.charts, settings.floor_height, layout.free_share, around)
+    facades = find_facades(scene, buildings, cameras, looks.charts, inputs.floor_height, layout.free_share, around)
     rows = list(range(len(cameras)))
     if core is not None:
         facades = core_facades(facades, buildings, core)

@@ -14,7 +14,7 @@ from facade_core.geometry.scene import Scene
 from facade_core.geometry.walls import WallRole
 from facade_core.imagery.rectify.panorama import chart_point_view_quality, nearby_panoramas
 from facade_core.plan.facades import Facades
-from facade_core.plan.settings import PANORAMA_CHOICE, PanoramaChoiceSettings
+from facade_core.plan.settings import PANORAMA_CHOICE
 
 
 @dataclass(frozen=True)
@@ -39,11 +39,7 @@ class PanoramaChoice:
 
 
 def choose_panoramas(
-    scene: Scene,
-    facades: Facades,
-    poses: Sequence[Pose],
-    sizes: Sequence[tuple[int, int]],
-    settings: PanoramaChoiceSettings = PANORAMA_CHOICE,
+    scene: Scene, facades: Facades, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]]
 ) -> PanoramaChoice:
     """Choose panoramas so that every visible street facade is covered.
 
@@ -54,15 +50,14 @@ def choose_panoramas(
     ----------
     poses : poses of the panoramas.
     sizes : (rows, columns) of the panoramas.
-    settings : numbers of the step.
 
     References
     ----------
     Chvatal (1979), A greedy heuristic for the set-covering problem.
     """
     rows = np.flatnonzero(facades.role == WallRole.STREET)
-    points = _facade_points(scene, facades.chart[rows], poses, sizes, settings)
-    needs = points.facade_sums(points.weight) * settings.min_covered_share
+    points = _facade_points(scene, facades.chart[rows], poses, sizes)
+    needs = points.facade_sums(points.weight) * PANORAMA_CHOICE.min_covered_share
     has = np.zeros(len(rows))
     left = points.weight.copy()
     chosen: list[int] = []
@@ -82,12 +77,7 @@ def choose_panoramas(
 
 
 def coverage_area(
-    scene: Scene,
-    facades: Facades,
-    poses: Sequence[Pose],
-    sizes: Sequence[tuple[int, int]],
-    panoramas: Sequence[int],
-    settings: PanoramaChoiceSettings = PANORAMA_CHOICE,
+    scene: Scene, facades: Facades, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]], panoramas: Sequence[int]
 ) -> float:
     """Return the square metres of street facades that some panoramas cover.
 
@@ -96,9 +86,8 @@ def coverage_area(
     poses : poses of the panoramas.
     sizes : (rows, columns) of the panoramas.
     panoramas : indices of the panoramas to count.
-    settings : numbers of the step.
     """
-    points = _facade_points(scene, facades.chart[facades.role == WallRole.STREET], poses, sizes, settings)
+    points = _facade_points(scene, facades.chart[facades.role == WallRole.STREET], poses, sizes)
     return float(points.weight[points.coverage_counts(panoramas) > 0].sum())
 
 
@@ -133,11 +122,7 @@ class _FacadePoints:
 
 
 def _facade_points(
-    scene: Scene,
-    charts: Int32Array,
-    poses: Sequence[Pose],
-    sizes: Sequence[tuple[int, int]],
-    settings: PanoramaChoiceSettings,
+    scene: Scene, charts: Int32Array, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]]
 ) -> _FacadePoints:
     near = nearby_panoramas(scene, charts, poses)
     panorama, point, weight, facade = [], [], [], []
@@ -147,7 +132,7 @@ def _facade_points(
             scene, chart, [poses[i] for i in some.tolist()], [sizes[i] for i in some.tolist()]
         )
         best = shown.max(axis=0, initial=0.0)
-        row, column = np.nonzero((shown > 0) & (shown >= settings.min_relative_quality * best))
+        row, column = np.nonzero((shown > 0) & (shown >= PANORAMA_CHOICE.min_relative_quality * best))
         known = np.flatnonzero(best > 0)
         panorama.append(some[row])
         point.append(total + np.searchsorted(known, column))

@@ -6,10 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from facade_core.core.arrays import Float64Array
+from facade_core.core.types import IngestSettings
 from facade_core.geometry.charts import ChartKind
 from facade_core.plan.core_region import CoreRegion
 from facade_core.plan.facades import free_wall_mask
-from facade_core.plan.ingest import BlockInputs, IngestSettings, build_scene_layout, complete_plan
+from facade_core.plan.ingest import BlockInputs, build_scene_layout, complete_plan
 from facade_core.plan.plan import Plan
 from facade_core.plan.posed_pictures import place_pictured_facades
 

@@ -17,15 +17,11 @@ from facade_core.imagery.rectify.panorama import MAX_SIGHTING_DISTANCE_M, find_s
 from facade_core.plan.identity import chart_ids
 from facade_core.plan.pictured_density import pictured_density
 from facade_core.plan.plan import FacadeSightings, Plan
-from facade_core.plan.settings import POSED_PICTURES, PosedPictureSettings
+from facade_core.plan.settings import POSED_PICTURES
 
 
 def replace_panoramas(
-    plan: Plan,
-    poses: Sequence[Pose],
-    sizes: Sequence[tuple[int, int]],
-    previous: PreviousChartPlacements | None = None,
-    settings: PosedPictureSettings = POSED_PICTURES,
+    plan: Plan, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]], previous: PreviousChartPlacements | None = None
 ) -> Plan:
     """Return the plan with these panoramas, and facades at the density that they support.
 
@@ -34,9 +30,8 @@ def replace_panoramas(
     poses : poses of the panoramas, all with a height.
     sizes : (rows, columns) of the panoramas.
     previous : earlier placement; charts of the same size keep their places in the atlas.
-    settings : numbers of the step.
     """
-    sightings = _find_sightings(plan, poses, sizes, settings)
+    sightings = _find_sightings(plan, poses, sizes)
     return place_pictured_facades(replace(plan, poses=tuple(poses), sightings=sightings), previous)
 
 
@@ -69,9 +64,7 @@ def place_pictured_facades(
     return replace(plan, scene=scene, ids=ids)
 
 
-def _find_sightings(
-    plan: Plan, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]], settings: PosedPictureSettings
-) -> FacadeSightings:
+def _find_sightings(plan: Plan, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]]) -> FacadeSightings:
     scene, facades = plan.scene, plan.facades
     found = []
     for index, near in enumerate(nearby_panoramas(scene, facades.chart, poses)):
@@ -79,7 +72,9 @@ def _find_sightings(
         if not of:
             continue
         on_street = facades.role[index] == WallRole.STREET
-        reach, least = (MAX_SIGHTING_DISTANCE_M, 0.0) if on_street else (WALL_REACH_M, settings.min_off_street_share)
+        reach, least = (
+            (MAX_SIGHTING_DISTANCE_M, 0.0) if on_street else (WALL_REACH_M, POSED_PICTURES.min_off_street_share)
+        )
         shown = find_sightings(
             scene,
             chart,

@@ -184,7 +184,7 @@ def blend_street_views(
     for view in views:
         _propagate(scene, buffer, view)
     difference, count = blend_views(buffer.state)
-    size = (int(placement.height[chart]), int(placement.width[chart]))
+    size = placement.shape(chart)
     return DecidedDifferences(difference.reshape(*size, 3), count.reshape(size))
 
 

@@ -146,14 +146,14 @@ def _finish_unlit(
 ) -> tuple[UInt8Array, UInt8Array]:
     """Compute `finish_chart` without contact shading and sunlight."""
     aerial, differences = settings.aerial, settings.differences
-    height, width = int(scene.placement.height[chart]), int(scene.placement.width[chart])
+    height, width = scene.placement.shape(chart)
     colour, provenance = (values.copy() for values in known.read(chart, slice(0, height), slice(0, width)))
     untextured = provenance == Provenance.UNSEEN
     hidden = np.zeros_like(untextured)
     if untextured.any():
         hidden = untextured & find_enclosed_texels(scene, chart)
         exposed = untextured & ~hidden
-        colour[exposed] = _paint_texels(materials, chart, differences, *np.nonzero(exposed))
+        colour[exposed] = paint_texels(materials, chart, differences, *np.nonzero(exposed))
         colour[hidden] = _distant_colour(scene, materials, chart)
         provenance[untextured] = Provenance.MATERIAL
         if differences is not None:
@@ -196,12 +196,12 @@ def _finish_unlit(
         has_photo |= filled
     share = photo_fade_weight(scene, chart, end)
     mixed = (share < 1) & has_photo
-    weight, painted = share[mixed][:, None], _paint_texels(materials, chart, differences, *np.nonzero(mixed))
+    weight, painted = share[mixed][:, None], paint_texels(materials, chart, differences, *np.nonzero(mixed))
     colour[mixed] = (weight * colour[mixed] + (1 - weight) * painted + 0.5).astype(np.uint8)
     return colour, provenance
 
 
-def _paint_texels(
+def paint_texels(
     materials: MaterialField, chart: int, differences: DecidedDifferences | None, rows: Int64Array, columns: Int64Array
 ) -> UInt8Array:
     """Return the material (k, 3) of texels, with the differences that views decided."""
@@ -257,7 +257,7 @@ def photo_fade_weight(scene: Scene, chart: int, end: BoolArray) -> Float32Array:
     """
     import cv2
 
-    rows, columns = int(scene.placement.height[chart]), int(scene.placement.width[chart])
+    rows, columns = scene.placement.shape(chart)
     if not end.any():
         return np.ones((rows, columns), np.float32)
     margin = (end.shape[0] - rows) // 2

@@ -268,7 +268,7 @@ class CorrectionDiff:
 
     def _raster_size(self, facade: str) -> tuple[int, int]:
         placement, chart = self.results.plan.scene.placement, int(self.results.plan.facades.chart[self.facades[facade]])
-        return int(placement.height[chart]), int(placement.width[chart])
+        return placement.shape(chart)
 
     def _note_conflict(self, one: Correction) -> None:
         stands = self.before.by_target.get(one.id, {}).get(one.kind)

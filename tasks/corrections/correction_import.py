@@ -71,9 +71,7 @@ class ImportResult:
         ]
 
 
-def import_corrections(
-    out: Folder, path: Path, *, who: str, why: str = "", when: datetime | None = None
-) -> ImportResult:
+def import_corrections(out: Folder, path: Path, *, who: str, why: str = "") -> ImportResult:
     """Import corrections of a run, or of the runs of a city's blocks, from a file; all or none.
 
     Parameters
@@ -82,13 +80,12 @@ def import_corrections(
     path : file of corrections.
     who : author of the corrections.
     why : their reason.
-    when : time of the corrections; None: now.
 
     Raises
     ------
     InputError : the file has another format, an id is unknown, or a value is not possible.
     """
-    by = _correction_author(who, why, when)
+    by = _correction_author(who, why)
     if (out / CITY_FILE_NAME).is_file():
         return _import_into_city(out, path, by)
     with open_published_run(out) as results:
@@ -158,8 +155,8 @@ class _BlockDiff(NamedTuple):
     unchanged: frozenset[str]
 
 
-def _correction_author(who: str, why: str, when: datetime | None = None) -> Correction:
-    return Correction("", "", None, who=who, when=(when or datetime.now(UTC)).strftime("%Y-%m-%dT%H:%M:%SZ"), why=why)
+def _correction_author(who: str, why: str) -> Correction:
+    return Correction("", "", None, who=who, when=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"), why=why)
 
 
 def _diff_block(

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 from facade_core.atlas.store import BRANCH, open_repository
 from facade_core.core.zarr_types import StoreGroup
@@ -15,32 +14,19 @@ from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan
 from tasks.engine.run import Run
 
-if TYPE_CHECKING:
-    from distributed import Worker
 _store: ContextVar[StoreGroup] = ContextVar("store that a unit reads")
 
 
 def current_worker_name() -> str:
     """Return the name of the Dask worker that runs this unit, or "serial"."""
-    worker = _current_worker()
-    return str(worker.name) if worker is not None else "serial"
-
-
-def current_worker_threads() -> int:
-    """Return the number of units that the worker of this unit runs at once."""
-    worker = _current_worker()
-    return worker.state.nthreads if worker is not None else 1
-
-
-def _current_worker() -> Worker | None:
     if "distributed" not in sys.modules:
-        return None
+        return "serial"
     from distributed import get_worker
 
     try:
-        return get_worker()
+        return str(get_worker().name)
     except ValueError:
-        return None
+        return "serial"
 
 
 @lru_cache(maxsize=2)

@@ -32,8 +32,8 @@ DATA_FILES: Mapping[str, tuple[str, ...]] = {
 }
 # Files and folders that no stage of a run loads.
 NOT_LOADED_BY_STAGES = (
-    "tasks/examples/demo_inputs/",
     "catalogs/examples/blocks/",
+    "catalogs/examples/painted/",
     "catalogs/stac/schemas/",
     "tasks/city/cost.json",
 )

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import filecmp
 import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from catalogs.block.yaml_files import format_yaml
+from catalogs.examples.painted_pictures import PAINTED_PICTURES, is_painted
 
 if TYPE_CHECKING:
     from catalogs.block import Block
@@ -19,8 +19,6 @@ SEED = 7
 TEXELS_PER_METRE = 32
 # A morning in June: sun on one pavement of southward streets, and on walls that face south and east.
 SUN = {"azimuth": 145, "elevation": 47}
-# Painted style library, and painted photos of some facades of the block (`benchmarks.painter.paint_demo`).
-INPUTS = Path(__file__).parent / "demo_inputs"
 
 
 def write_demo(folder: Path, exemplar_folder: Path | None = None) -> Path:
@@ -37,20 +35,14 @@ def write_demo(folder: Path, exemplar_folder: Path | None = None) -> Path:
     copy_map(folder)
     if exemplar_folder is None:
         copy_painted_exemplars(folder / "exemplars")
-        shutil.copytree(INPUTS / "photos", folder / "photos", dirs_exist_ok=True)
+        shutil.copytree(PAINTED_PICTURES / "photos", folder / "photos", dirs_exist_ok=True)
     write_block_file(block_file, exemplar_folder or folder / "exemplars", photos=exemplar_folder is None)
     return block_file
 
 
 def has_only_painted_pictures(block: Block) -> bool:
-    """Return whether all pictures of a block are the demo's: painted, so that they show no face or number plate."""
-    painted = [INPUTS / "exemplars" / path.name for path in block.exemplars]
-    painted += [INPUTS / "photos" / path.name for path in block.photos.values()]
-    given = [*block.exemplars, *block.photos.values()]
-    return not block.panoramas and all(
-        one.is_file() and other.is_file() and filecmp.cmp(one, other, shallow=False)
-        for one, other in zip(painted, given, strict=True)
-    )
+    """Return whether all pictures of a block are painted ones, so that they show no face or number plate."""
+    return not block.panoramas and all(map(is_painted, [*block.exemplars, *block.photos.values()]))
 
 
 def copy_map(folder: Path) -> None:
@@ -63,7 +55,7 @@ def copy_map(folder: Path) -> None:
 
 def copy_painted_exemplars(folder: Path) -> None:
     """Copy the painted style library into a folder, which is made."""
-    shutil.copytree(INPUTS / "exemplars", folder, dirs_exist_ok=True)
+    shutil.copytree(PAINTED_PICTURES / "exemplars", folder, dirs_exist_ok=True)
 
 
 def write_block_file(path: Path, exemplar_folder: Path, *, photos: bool) -> None:

@@ -119,7 +119,7 @@ def write_factored_tiles(
     from facade_core.export.models.textured_mesh import filter_triangles, mesh_y_up_frame
     from facade_core.export.tiles.cells import build_quadtree
     from facade_core.export.tiles.far_shells import build_shells
-    from facade_core.export.tiles.settings import CELL_SETTINGS
+    from facade_core.export.tiles.settings import TILE_CELLS
     from facade_core.export.tiles.tileset import TiledModel, TileSettings, count_tiles, write_tileset
 
     start = time.monotonic()
@@ -137,7 +137,7 @@ def write_factored_tiles(
     )
     shells = build_shells(
         source,
-        results.plan.scene.spec.texels_per_metre * CELL_SETTINGS.coarse_scale,
+        results.plan.scene.spec.texels_per_metre * TILE_CELLS.coarse_scale,
         lambda: report_progress("export", 1),
     )
     for name in ("tiles", "tilesets", "pictures"):

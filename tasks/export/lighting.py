@@ -11,7 +11,7 @@ import numpy as np
 from facade_core.core.types import Sun
 from facade_core.export.lighting.relighting import MAX_CACHED_CHARTS, RelightingInputs, StoredChartTexels
 from tasks.publish.published_run import PublishedBlock
-from tasks.stages.shared.materials import material_field, rebuild_material_field
+from tasks.stages.shared.materials import rebuild_material_field
 
 
 def relighting_inputs(results: PublishedBlock) -> RelightingInputs:
@@ -21,14 +21,11 @@ def relighting_inputs(results: PublishedBlock) -> RelightingInputs:
     """
     plan, group = results.plan, results.group
     placement = plan.scene.placement
-    # a network's output has no material field; its input rendering uses the same materials
-    field = rebuild_material_field(group, plan) or material_field(plan, cast(int, group.attrs["seed"]), None)
+    field = rebuild_material_field(group, plan)
 
     @lru_cache(maxsize=MAX_CACHED_CHARTS)
     def texels(chart: int) -> StoredChartTexels:
-        y, x = int(placement.y[chart]), int(placement.x[chart])
-        height, width = int(placement.height[chart]), int(placement.width[chart])
-        part = (int(placement.page[chart]), slice(y, y + height), slice(x, x + width))
+        part = placement.region(chart)
         provenance = np.asarray(group["atlas/provenance"][part])
         if not plan.is_facade(chart):
             return StoredChartTexels(provenance, None, None)

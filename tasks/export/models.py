@@ -188,7 +188,7 @@ def write_3dtiles(
     from facade_core.export.models.textured_mesh import filter_triangles, mesh_y_up_frame
     from facade_core.export.tiles.cells import build_quadtree
     from facade_core.export.tiles.far_shells import build_shells
-    from facade_core.export.tiles.settings import CELL_SETTINGS
+    from facade_core.export.tiles.settings import TILE_CELLS
     from facade_core.export.tiles.tileset import (
         TiledModel,
         TileSettings,
@@ -208,7 +208,7 @@ def write_3dtiles(
     cells = build_quadtree(source)
     time: TimeOfDay = "night" if night else "day"
     begin_stage("export", len(buildings) + count_tiles(cells))
-    shells = build_shells(source, density * CELL_SETTINGS.coarse_scale, lambda: report_progress("export", 1))
+    shells = build_shells(source, density * TILE_CELLS.coarse_scale, lambda: report_progress("export", 1))
     view_mb = encoded.max_view_mb if max_texture_mb is None else max_texture_mb
     scale = view_texture_scale(source, shells, cells, encoded, view_mb * 1e6, time)
     if scale < 1:

@@ -45,22 +45,22 @@ class SheetPicture:
         return self.size[0] * self.pixel_size[0], self.size[1] * self.pixel_size[1]
 
 
-def write_row_sheet(path: Path, pictures: Sequence[SheetPicture], wkt: str) -> None:
+def write_row_sheet(path: Path, pictures: Sequence[SheetPicture]) -> None:
     """Write a sheet with pictures side by side in one row, at one scale, their feet on one line."""
     places, x, top = [], 0.0, max(one.top for one in pictures)
     for picture in pictures:
         places.append((x, top - picture.top))
         x += picture.extent[0] + GAP_M
-    _write_sheet(path, pictures, places, x - GAP_M, top, wkt)
+    _write_sheet(path, pictures, places, x - GAP_M, top)
 
 
-def write_column_sheet(path: Path, pictures: Sequence[SheetPicture], wkt: str) -> None:
+def write_column_sheet(path: Path, pictures: Sequence[SheetPicture]) -> None:
     """Write a sheet with pictures below each other, such as the sheets of blocks."""
     places, y = [], 0.0
     for picture in pictures:
         places.append((0.0, y))
         y += picture.extent[1] + GAP_M
-    _write_sheet(path, pictures, places, max(one.extent[0] for one in pictures), y - GAP_M, wkt)
+    _write_sheet(path, pictures, places, max(one.extent[0] for one in pictures), y - GAP_M)
 
 
 def read_sheet(path: Path, name: str) -> SheetPicture:
@@ -81,12 +81,7 @@ def read_sheet(path: Path, name: str) -> SheetPicture:
 
 
 def _write_sheet(
-    path: Path,
-    pictures: Sequence[SheetPicture],
-    places: Sequence[tuple[float, float]],
-    width: float,
-    top: float,
-    wkt: str,
+    path: Path, pictures: Sequence[SheetPicture], places: Sequence[tuple[float, float]], width: float, top: float
 ) -> None:
     """Write a VRT of three bands and a mask.
 
@@ -96,13 +91,15 @@ def _write_sheet(
     width : width of the sheet, metres.
     top : height of the upper edge, metres.
     """
+    from facade_core.export.bodies.wall_plane import PLANE_WKT
+
     pixel = min(min(one.pixel_size) for one in pictures)
     lowest = max(y + one.extent[1] for one, (_, y) in zip(pictures, places, strict=True))
     columns, rows = (max(1, round(metres / pixel + 0.5)) for metres in (width, lowest))
     with path.open("w", encoding="utf-8") as file:
         file.write(f'<VRTDataset rasterXSize="{columns}" rasterYSize="{rows}">\n')
         file.write(
-            f" {_element('SRS', wkt)}\n <GeoTransform>0.0, {pixel!r}, 0.0, {top!r}, 0.0, {-pixel!r}</GeoTransform>\n"
+            f" {_element('SRS', PLANE_WKT)}\n <GeoTransform>0.0, {pixel!r}, 0.0, {top!r}, 0.0, {-pixel!r}</GeoTransform>\n"
         )
         file.write(f' <OverviewList resampling="nearest">{_OVERVIEWS}</OverviewList>\n')
         for number, colour in enumerate(("Red", "Green", "Blue"), start=1):

@@ -65,7 +65,7 @@ def write_cogs(results: PublishedBlock, buildings: IntArray, folder: Path) -> tu
     notes : remarks for the user.
     """
     from facade_core.atlas.rasters import read_chart_raster
-    from facade_core.export.bodies.wall_plane import PLANE_WKT, wall_plane
+    from facade_core.export.bodies.wall_plane import wall_plane
 
     facades, source = results.plan.facades, results.textured_mesh
     drawn = set(source.select_charts(buildings).tolist())
@@ -91,7 +91,7 @@ def write_cogs(results: PublishedBlock, buildings: IntArray, folder: Path) -> tu
         report_progress("export", 1)
     write_orthophoto_collection(folder / COLLECTION, results.block, items, results.attribution)
     if pictures:
-        write_row_sheet(folder / SHEET, pictures, PLANE_WKT)
+        write_row_sheet(folder / SHEET, pictures)
     return names, []
 
 

@@ -15,7 +15,7 @@ from facade_core.atlas.journal import Record, unit_key
 from facade_core.atlas.stored_files import picture_path, read_stored_file
 from facade_core.core.resizing import resize_image
 from facade_core.export.pictures.rendering import encode_image
-from facade_core.export.pictures.settings import DRAWING_SETTINGS
+from facade_core.export.pictures.settings import DRAWINGS
 from facade_core.export.pictures.views import select_pictured_facades
 from tasks.engine.stage_code import stage_code_digest
 from tasks.publish.partial_failures import PartialFailures
@@ -153,6 +153,6 @@ def _add_exemplar_pictures(
 
 def _encode_exemplar(block: StoredBlock, path: str) -> bytes:
     image = block.group[path][:]
-    scale = min(1.0, DRAWING_SETTINGS.max_preview_px / max(image.shape[:2]))
+    scale = min(1.0, DRAWINGS.max_preview_px / max(image.shape[:2]))
     height, width = (max(1, round(side * scale)) for side in image.shape[:2])
     return encode_image(resize_image(image, (height, width)), "WEBP", quality=82, method=2)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.export.pictures.settings import VIEW_SETTINGS
+from facade_core.export.pictures.settings import BLOCK_VIEWS
 from facade_core.export.pictures.views import photo_share
 from tasks.viewing.run_view import RunView
 
@@ -41,7 +41,7 @@ def choose_start_view(view: RunView) -> StartView | None:
     if not len(seen):
         return None
     photos = np.array([photo_share(record) for record in view.records])
-    worth = (1 + VIEW_SETTINGS.photo_worth * photos) * tables.facades.width * tables.facades.height
+    worth = (1 + BLOCK_VIEWS.photo_worth * photos) * tables.facades.width * tables.facades.height
     away = tables.line.mean(axis=1)[seen] - tables.position[viewpoint, :2]
     far = np.maximum(np.linalg.norm(away, axis=1), MIN_DISTANCE_M)
     forward = tables.forward[viewpoint]

@@ -79,7 +79,7 @@ def end() -> Seen:
 def truth(seen: Seen) -> np.ndarray:
     """Of the wall's raster, (h, w, 3)."""
     scene, chart = seen.street.scene, seen.chart
-    size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
+    size = scene.placement.shape(chart)
     x, y = np.meshgrid((np.arange(size[1]) + 0.5) / 8, (np.arange(size[0]) + 0.5) / 8)
     return side_pattern_painter(seen.street)(np.full(x.size, chart), x.ravel(), y.ravel()).reshape(*size, 3)
 

@@ -11,7 +11,7 @@ from scipy import ndimage
 
 from benchmarks.painter.facade import paint_facade as paint
 from facade_core.core.labels import FacadeClass
-from facade_core.core.types import Building, Street
+from facade_core.core.types import Building, IngestSettings, Street
 from facade_core.facade.texture.building_walls import compose_wall
 from facade_core.facade.texture.ground_floor import replace_shops_by_windows
 from facade_core.facade.texture.retargeting import ExemplarAnalysis, analyse_exemplar
@@ -19,7 +19,7 @@ from facade_core.facade.texture.wall_floors import FacadeWall
 from facade_core.geometry.walls import WallRole
 from facade_core.plan.doors import has_back_door, is_corner_facade
 from facade_core.plan.facade_walls import facade_wall
-from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan
+from facade_core.plan.ingest import BlockInputs, build_plan
 from facade_core.plan.plan import Plan
 from tasks.stages.facades.stage import facade_entrance_positions
 
@@ -42,6 +42,7 @@ def plan_of(buildings: list[Building]) -> Plan:
                 Street("a", "a", shapely.LineString([(-30, -8), (60, -8)])),
                 Street("b", "b", shapely.LineString([(-8, -30), (-8, 12)])),
             ],
+            floor_height=3.2,
         ),
         IngestSettings(
             texels_per_metre=8.0,
@@ -49,9 +50,7 @@ def plan_of(buildings: list[Building]) -> Plan:
             viewpoint_height=2.5,
             visibility_range=40.0,
             panorama_width=128,
-            floor_height=3.2,
             walls="exemplar",
-            page=512,
         ),
     )
 

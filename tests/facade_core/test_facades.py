@@ -12,7 +12,7 @@ from scipy import ndimage
 
 from benchmarks.painter.facade import paint_facade as paint
 from facade_core.core.labels import FacadeClass
-from facade_core.core.types import Building, Roof, Street
+from facade_core.core.types import Building, IngestSettings, Roof, Street
 from facade_core.facade.texture.building_walls import compose_wall
 from facade_core.facade.texture.retargeting import ExemplarAnalysis, analyse_exemplar
 from facade_core.facade.texture.wall_floors import FacadeWall, stack_floors
@@ -21,7 +21,7 @@ from facade_core.geometry.settings import FACADE_WALLS
 from facade_core.geometry.walls import WallRole, wall_outline_and_free_part
 from facade_core.plan.facade_walls import facade_wall
 from facade_core.plan.facades import Facades
-from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan
+from facade_core.plan.ingest import BlockInputs, build_plan
 from facade_core.plan.plan import Plan
 
 MPP = 0.0625
@@ -39,16 +39,14 @@ BUILDINGS = [
 
 def plan_of(walls: str, buildings: Sequence[Building] = BUILDINGS) -> Plan:
     return build_plan(
-        BlockInputs(buildings, [Street("s", "s", shapely.LineString([(-5, -8), (95, -8)]))]),
+        BlockInputs(buildings, [Street("s", "s", shapely.LineString([(-5, -8), (95, -8)]))], floor_height=3.2),
         IngestSettings(
             texels_per_metre=8.0,
             viewpoint_spacing=8.0,
             viewpoint_height=2.5,
             visibility_range=40.0,
             panorama_width=128,
-            floor_height=3.2,
             walls=walls,
-            page=512,
         ),
     )
 

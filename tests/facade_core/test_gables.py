@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import shapely
 
-from facade_core.core.types import Building, Roof, Street
-from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan
+from facade_core.core.types import Building, IngestSettings, Roof, Street
+from facade_core.plan.ingest import BlockInputs, build_plan
 
 HOUSE = Building("h", shapely.box(0, 0, 9, 20), 6.0, "levels", 2)
 STREETS = [
@@ -17,14 +17,13 @@ STREETS = [
 def facades(roof: Roof) -> set[tuple[str, float, int]]:
     house = Building(HOUSE.id, HOUSE.footprint, HOUSE.height, HOUSE.height_source, HOUSE.levels, roof=roof)
     plan = build_plan(
-        BlockInputs([house], STREETS),
+        BlockInputs([house], STREETS, floor_height=3.0),
         IngestSettings(
             texels_per_metre=8.0,
             viewpoint_spacing=8.0,
             viewpoint_height=2.5,
             visibility_range=40.0,
             panorama_width=128,
-            floor_height=3.0,
             walls="exemplar",
         ),
     ).facades

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 import shapely
 
-from facade_core.core.types import Building, BuildingFinish, Pose, Street
+from facade_core.core.types import Building, BuildingFinish, IngestSettings, Pose, Street
 from facade_core.geometry.charts import ChartKind, Charts
 from facade_core.geometry.walls import WallRole
 from facade_core.imagery.rectify.panorama import find_sightings
 from facade_core.plan.identity import chart_ids, serialise_finish
-from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan
+from facade_core.plan.ingest import BlockInputs, build_plan
 from facade_core.plan.plan import Plan
 
 
@@ -36,14 +36,13 @@ def plan(
     from facade_core.geometry.chart_packing import PreviousChartPlacements
 
     return build_plan(
-        BlockInputs(houses, streets, poses=poses, panorama_sizes=[(256, 512)] * len(poses)),
+        BlockInputs(houses, streets, poses=poses, panorama_sizes=[(256, 512)] * len(poses), floor_height=3.2),
         IngestSettings(
             texels_per_metre=4,
             viewpoint_spacing=6.0,
             viewpoint_height=2.5,
             visibility_range=25.0,
             panorama_width=128,
-            floor_height=3.2,
             walls="exemplar",
         ),
         previous=PreviousChartPlacements(last.ids, last.scene.placement) if last else None,

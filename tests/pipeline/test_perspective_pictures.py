@@ -53,6 +53,6 @@ def test_facade_ground_and_roof_are_taken_from_perspective_pictures(tmp_path: Pa
 
 def _texels(group: zarr.Group, plan, chart: int, name: str = "atlas/seed") -> np.ndarray:
     layout = TexelLayout.of_charts(plan.scene.placement, [chart])
-    height, width = int(plan.scene.placement.height[chart]), int(plan.scene.placement.width[chart])
+    height, width = plan.scene.placement.shape(chart)
     flat = read_rasters(group[name], plan.scene.placement, layout)
     return flat[layout.texel_slice(plan.scene.placement, chart)].reshape(height, width, *flat.shape[1:])

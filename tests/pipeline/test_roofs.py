@@ -62,7 +62,7 @@ def test_roofs_hold_the_picture_where_it_reaches(above: tuple[Path, dict[str, An
     scene, placement = plan.scene, plan.scene.placement
     photographed = bare = 0
     for chart in np.flatnonzero(scene.charts.kind == ChartKind.ROOF).tolist():
-        height, width = int(placement.height[chart]), int(placement.width[chart])
+        height, width = placement.shape(chart)
         y, x = int(placement.y[chart]), int(placement.x[chart])
         at = (int(placement.page[chart]), slice(y, y + height), slice(x, x + width))
         colour, provenance = group["atlas/colour"][at], group["atlas/provenance"][at]
@@ -87,7 +87,7 @@ def test_the_others_take_the_material(above: tuple[Path, dict[str, Any], float])
     pages = sorted((out / "published" / (out / "current").read_text().strip() / "pages").iterdir())
     checked = 0
     for chart in np.flatnonzero(scene.charts.kind == ChartKind.ROOF).tolist():
-        height, width = int(placement.height[chart]), int(placement.width[chart])
+        height, width = placement.shape(chart)
         y, x, page = int(placement.y[chart]), int(placement.x[chart]), int(placement.page[chart])
         box = (slice(y, y + height), slice(x, x + width))
         points = texel_points(scene, chart, np.arange(height) + 0.5, np.arange(width) + 0.5)

@@ -60,7 +60,7 @@ def test_two_cameras_agree_on_the_ground_and_one_more_changes_what_it_shows(tmp_
     seed, evidence = (read_rasters(group[f"atlas/{name}"], plan.scene.placement, one) for name in SEEDED)
     shown = evidence == Provenance.PHOTO
     assert shown.mean() > 0.2
-    size = (int(plan.scene.placement.height[chart]), int(plan.scene.placement.width[chart]))
+    size = plan.scene.placement.shape(chart)
     rows, columns = (at.ravel() for at in np.indices(size))
     points = plan.scene.charts.points(chart, (columns + 0.5) / 4, (rows + 0.5) / 4)
     column, row = ((points[:, axis] - origin + 10) * 4 for axis, origin in ((0, EAST), (1, NORTH)))

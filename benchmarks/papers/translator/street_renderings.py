@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import cast
 
 import numpy as np
 import shapely
@@ -31,7 +30,7 @@ from facade_core.street.propagation.propagate import propagate_panorama
 from facade_core.street.propagation.render import RenderedPanorama, render_panorama
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 from tasks.engine.progress import begin_stage, report_progress
-from tasks.stages.shared.materials import material_field, rebuild_material_field
+from tasks.stages.shared.materials import rebuild_material_field
 
 # Consecutive viewpoints of a sequence of a run's street.
 VIEWPOINTS_PER_SEQUENCE = 4
@@ -93,7 +92,7 @@ def render_run_sequences(run: Path, count: int, *, seed: int) -> Iterator[list[T
         raise InputError(f"{run}: no run of a block; name the folder that one was written to")
     session = open_repository(run / "store").readonly_session(BRANCH)
     group, plan = open_root(session), read_plan(session)
-    field = rebuild_material_field(group, plan) or material_field(plan, cast(int, group.attrs["seed"]), None)
+    field = rebuild_material_field(group, plan)
     paint = partial(paint_bare_pixels, materials=field, normals=plan.scene.charts.normals())
     rng = np.random.default_rng(seed)
     wall = plan.scene.charts.kind == ChartKind.WALL

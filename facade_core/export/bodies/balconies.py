@@ -11,16 +11,14 @@ from shapely import Polygon
 
 from facade_core.core.arrays import Float64Array
 from facade_core.core.types import Element
-from facade_core.export.bodies.settings import BALCONY_SETTINGS, BalconySettings
+from facade_core.export.bodies.settings import BALCONY_SHAPES
 
 # A face in the frame of its wall: rings (k, 3) in metres right, down and outward; the places (k, 2) on the wall
 # whose texture it shows; and its semantic type.
 WallFrameFace = tuple[list[Float64Array], list[Float64Array], str]
 
 
-def place_balconies(
-    wall: Polygon, elements: Sequence[Element], settings: BalconySettings = BALCONY_SETTINGS
-) -> list[shapely.Polygon]:
+def place_balconies(wall: Polygon, elements: Sequence[Element]) -> list[shapely.Polygon]:
     """Place the balconies of a wall as disjoint rectangles in its chart's frame."""
     found: list[Polygon] = []
     wanted = [e for e in elements if e.label == "balcony"]
@@ -28,18 +26,16 @@ def place_balconies(
         west, north, east, south = wall.bounds
         box = shapely.box(max(element.x0, west), max(element.y0, north), min(element.x1, east), min(element.y1, south))
         x0, y0, x1, y1 = box.bounds if not box.is_empty else (0.0, 0.0, 0.0, 0.0)
-        if min(x1 - x0, y1 - y0) < settings.min_balcony_m or not wall.buffer(settings.railing_thickness_m).contains(
-            box
-        ):
+        if min(x1 - x0, y1 - y0) < BALCONY_SHAPES.min_balcony_m or not wall.buffer(
+            BALCONY_SHAPES.railing_thickness_m
+        ).contains(box):
             continue
         if not any(box.intersects(other) for other in found):
             found.append(box)
     return found
 
 
-def extend_windows_behind_railings(
-    elements: Sequence[Element], balconies: Sequence[Polygon], settings: BalconySettings = BALCONY_SETTINGS
-) -> list[Element]:
+def extend_windows_behind_railings(elements: Sequence[Element], balconies: Sequence[Polygon]) -> list[Element]:
     """Extend windows whose foot is hidden by a balcony down to its floor.
 
     The parse labels the railing as balcony, but people step out through the opening behind it. Only windows between
@@ -48,22 +44,31 @@ def extend_windows_behind_railings(
     found = []
     for element in elements:
         for x0, y0, x1, y1 in (box.bounds for box in balconies if element.label == "window"):
-            floor = y1 - min(settings.floor_thickness_m, (y1 - y0) / 3) - settings.sill_above_floor_m
+            floor = y1 - min(BALCONY_SHAPES.floor_thickness_m, (y1 - y0) / 3) - BALCONY_SHAPES.sill_above_floor_m
             between = (
-                x0 + settings.railing_thickness_m <= element.x0 and element.x1 <= x1 - settings.railing_thickness_m
+                x0 + BALCONY_SHAPES.railing_thickness_m <= element.x0
+                and element.x1 <= x1 - BALCONY_SHAPES.railing_thickness_m
             )
-            if between and element.y0 < y0 and y0 - settings.max_above_railing_m <= element.y1 < floor:
+            if between and element.y0 < y0 and y0 - BALCONY_SHAPES.max_above_railing_m <= element.y1 < floor:
                 element = replace(element, y1=floor)
         found.append(element)
     return found
 
 
-def balcony_faces(box: Polygon, settings: BalconySettings = BALCONY_SETTINGS) -> list[WallFrameFace]:
+def balcony_faces(box: Polygon) -> list[WallFrameFace]:
     """Build the closed body of a balcony over a rectangle of its wall: outer sides, rim, inner sides and floor."""
     x0, y0, x1, y1 = box.bounds
-    far = settings.balcony_depth_m if x1 - x0 >= settings.min_wide_balcony_m else settings.narrow_balcony_depth_m
-    floor = y1 - min(settings.floor_thickness_m, (y1 - y0) / 3)
-    a, b, c = x0 + settings.railing_thickness_m, x1 - settings.railing_thickness_m, far - settings.railing_thickness_m
+    far = (
+        BALCONY_SHAPES.balcony_depth_m
+        if x1 - x0 >= BALCONY_SHAPES.min_wide_balcony_m
+        else BALCONY_SHAPES.narrow_balcony_depth_m
+    )
+    floor = y1 - min(BALCONY_SHAPES.floor_thickness_m, (y1 - y0) / 3)
+    a, b, c = (
+        x0 + BALCONY_SHAPES.railing_thickness_m,
+        x1 - BALCONY_SHAPES.railing_thickness_m,
+        far - BALCONY_SHAPES.railing_thickness_m,
+    )
 
     def face(corners: list[tuple[float, float, float]], kind: str, side: str = "") -> WallFrameFace:
         return [np.array(corners)], [_texture_places(corners, side, (x0, y0, x1, y1), floor)], kind

@@ -26,7 +26,7 @@ from facade_core.export.bodies.patches import (
     triangulate_nonplanar_polygons,
     weld_polygons,
 )
-from facade_core.export.bodies.settings import BODY_SETTINGS, BodySettings
+from facade_core.export.bodies.settings import BODIES
 from facade_core.export.models.textured_mesh import TexturedMesh
 from facade_core.geometry.buildings.curtains import curtains_below_edges
 from facade_core.geometry.charts import ChartKind
@@ -49,12 +49,7 @@ class BuildingBody:
 
 
 def build_body(
-    source: TexturedMesh,
-    triangles: IntArray,
-    chart_surfaces: dict[int, int],
-    ground_surface: int,
-    origin: Float64Array,
-    settings: BodySettings = BODY_SETTINGS,
+    source: TexturedMesh, triangles: IntArray, chart_surfaces: dict[int, int], ground_surface: int, origin: Float64Array
 ) -> BuildingBody:
     """Build the body of one building.
 
@@ -67,43 +62,33 @@ def build_body(
     chart_surfaces : semantic surface of each chart.
     ground_surface : semantic surface that closes the body at its lowest corner.
     origin : (3,) origin of the grid of corners, world metres.
-    settings : numbers of bodies.
     """
-    standing = shapely.union_all(building_footprint(source, triangles)).buffer(
-        settings.wall_margin_m, join_style="mitre"
-    )
+    standing = shapely.union_all(building_footprint(source, triangles)).buffer(BODIES.wall_margin_m, join_style="mitre")
     corners = source.mesh.vertices[source.mesh.triangles[triangles]].reshape(-1, 3)
     out = ~shapely.contains_xy(standing, *corners[:, :2].T).reshape(-1, 3).all(axis=1)
     found = []
     for apart in (out, np.zeros(len(out), bool)) if out.any() else (out,):
-        whole = _chart_polygons(source, triangles, apart, chart_surfaces, origin, settings)
+        whole = _chart_polygons(source, triangles, apart, chart_surfaces, origin)
         for peel in (False, True):
-            tried = _close_shell(whole, ground_surface, origin, peel, settings)
+            tried = _close_shell(whole, ground_surface, origin, peel)
             if tried is not None:
                 found.append(tried)
                 break
         if found:
             break
     if not found:
-        return BuildingBody(triangulate_nonplanar_polygons(whole, settings), False, ())
+        return BuildingBody(triangulate_nonplanar_polygons(whole), False, ())
     _, shell, left = min(found, key=lambda one: one[0])
     attachments = left.patches
     return BuildingBody(
         shell,
         True,
-        tuple(
-            triangulate_nonplanar_polygons(left.subset(piece), settings) for piece in polygon_components(attachments)
-        ),
+        tuple(triangulate_nonplanar_polygons(left.subset(piece)) for piece in polygon_components(attachments)),
     )
 
 
 def _chart_polygons(
-    source: TexturedMesh,
-    triangles: IntArray,
-    apart: BoolArray,
-    chart_surfaces: dict[int, int],
-    origin: Float64Array,
-    settings: BodySettings,
+    source: TexturedMesh, triangles: IntArray, apart: BoolArray, chart_surfaces: dict[int, int], origin: Float64Array
 ) -> PolygonMesh:
     """Return the charts of a building as polygons; triangles in `apart` (t,) bool form polygons of their own."""
     charts, mesh = source.charts, source.mesh
@@ -129,11 +114,11 @@ def _chart_polygons(
                     rings.append(points)
                 polygons.append(rings)
                 of.append(chart)
-    return weld_polygons(polygons, of, [chart_surfaces[chart] for chart in of], origin, settings)
+    return weld_polygons(polygons, of, [chart_surfaces[chart] for chart in of], origin)
 
 
 def _close_shell(
-    whole: PolygonMesh, ground: int, origin: Float64Array, peel: bool, settings: BodySettings
+    whole: PolygonMesh, ground: int, origin: Float64Array, peel: bool
 ) -> tuple[float, PolygonMesh, PolygonMesh] | None:
     """Close the main component of some polygons.
 
@@ -143,22 +128,20 @@ def _close_shell(
     main = _largest_component(whole, range(len(whole.patches)))
     if not main:
         return None
-    whole, main = _close_small_holes(whole, main, settings)
-    peeled = _peel_open_patches(whole, main, settings) if peel else main
-    if _total_area(whole, peeled) < settings.min_area_share * _total_area(whole, main):
+    whole, main = _close_small_holes(whole, main)
+    peeled = _peel_open_patches(whole, main) if peel else main
+    if _total_area(whole, peeled) < BODIES.min_area_share * _total_area(whole, main):
         return None
     kept = _largest_component(whole, peeled) if peel else peeled
-    shell = split_edges_at_corners(whole.subset(kept), settings)
-    covers = _cover_open_loops(_add_curtains(shell, origin, settings), ground, settings)
+    shell = split_edges_at_corners(whole.subset(kept))
+    covers = _cover_open_loops(_add_curtains(shell, origin), ground)
     if covers is None:
         return None
-    done = triangulate_nonplanar_polygons(
-        _collapse_pinched_edges(triangulate_nonplanar_polygons(covers, settings), settings), settings
-    )
+    done = triangulate_nonplanar_polygons(_collapse_pinched_edges(triangulate_nonplanar_polygons(covers)))
     if not is_closed(done.patches):
         return None
     added, added_level = _added_areas(done, ground)
-    if added_level > settings.max_added_area_share * _total_area(whole, kept):
+    if added_level > BODIES.max_added_area_share * _total_area(whole, kept):
         return None
     left = [i for i in sorted(set(range(len(whole.patches))) - set(kept)) if whole.patches[i].chart >= 0]
     return added + _total_area(whole, left), done, whole.subset(left)
@@ -187,7 +170,7 @@ def _lowest_corner(mesh: PolygonMesh) -> float:
     return float(min((mesh.points[c, 2] for patch in mesh.patches for ring in patch.rings for c in ring), default=0.0))
 
 
-def _add_curtains(shell: PolygonMesh, origin: Float64Array, settings: BodySettings) -> PolygonMesh:
+def _add_curtains(shell: PolygonMesh, origin: Float64Array) -> PolygonMesh:
     """Add walls from open edges down to the lowest corner of a shell."""
     base = _lowest_corner(shell)
     edges = [(shell.points[b], shell.points[a]) for a, b in open_edges(shell.patches)]
@@ -197,18 +180,16 @@ def _add_curtains(shell: PolygonMesh, origin: Float64Array, settings: BodySettin
     before = [patch.ring_points(shell.points) for patch in shell.patches]
     charts = [patch.chart for patch in shell.patches] + [-1] * len(polygons)
     semantics = [patch.semantic for patch in shell.patches] + [-1] * len(polygons)
-    return weld_polygons([*before, *polygons], charts, semantics, origin, settings)
+    return weld_polygons([*before, *polygons], charts, semantics, origin)
 
 
-def _close_small_holes(
-    whole: PolygonMesh, main: Sequence[int], settings: BodySettings
-) -> tuple[PolygonMesh, list[int]]:
+def _close_small_holes(whole: PolygonMesh, main: Sequence[int]) -> tuple[PolygonMesh, list[int]]:
     """Close the small holes of the main component; returns the polygons and the main component with the new ones."""
     chosen = whole.subset(main)
     rings = []
     for ring in trace_loops([(b, a) for a, b in open_edges(chosen.patches)]):
         points = whole.points[list(ring)]
-        if np.linalg.norm(points - np.roll(points, 1, axis=0), axis=1).sum() < settings.max_hole_perimeter_m:
+        if np.linalg.norm(points - np.roll(points, 1, axis=0), axis=1).sum() < BODIES.max_hole_perimeter_m:
             rings.append(MeshPolygon((ring,)))
     return PolygonMesh(whole.points, (*whole.patches, *rings)), [
         *main,
@@ -216,22 +197,22 @@ def _close_small_holes(
     ]
 
 
-def _collapse_pinched_edges(shell: PolygonMesh, settings: BodySettings) -> PolygonMesh:
+def _collapse_pinched_edges(shell: PolygonMesh) -> PolygonMesh:
     """Collapse short edges at which more than two polygons meet."""
     count = count_edges(shell.patches)
     to: dict[int, int] = {}
     for (a, b), n in sorted(count.items()):
-        if n > 1 and a < b and np.linalg.norm(shell.points[a] - shell.points[b]) < settings.max_hole_perimeter_m / 2:
+        if n > 1 and a < b and np.linalg.norm(shell.points[a] - shell.points[b]) < BODIES.max_hole_perimeter_m / 2:
             to[b] = to.get(a, a)
     if not to:
         return shell
     moved = [replace(p, rings=tuple(tuple(to.get(c, c) for c in ring) for ring in p.rings)) for p in shell.patches]
-    return split_edges_at_corners(PolygonMesh(shell.points, tuple(moved)), settings)
+    return split_edges_at_corners(PolygonMesh(shell.points, tuple(moved)))
 
 
-def _peel_open_patches(whole: PolygonMesh, chosen: Sequence[int], settings: BodySettings) -> list[int]:
+def _peel_open_patches(whole: PolygonMesh, chosen: Sequence[int]) -> list[int]:
     """Remove patches with an edge open above the foot until none is left."""
-    low = _lowest_corner(whole.subset(chosen)) + settings.max_foot_height_m
+    low = _lowest_corner(whole.subset(chosen)) + BODIES.max_foot_height_m
     kept = list(chosen)
     while True:
         there = {edge for i in kept for edge in whole.patches[i].edges()}
@@ -245,7 +226,7 @@ def _peel_open_patches(whole: PolygonMesh, chosen: Sequence[int], settings: Body
         kept = left
 
 
-def _cover_open_loops(shell: PolygonMesh, ground: int, settings: BodySettings) -> PolygonMesh | None:
+def _cover_open_loops(shell: PolygonMesh, ground: int) -> PolygonMesh | None:
     """Close open loops by planar polygons, level ones at the foot as ground; None if a loop is not planar."""
     rings = trace_loops([(b, a) for a, b in open_edges(shell.patches)])
     planes: dict[tuple[int, ...], list[tuple[int, ...]]] = {}
@@ -253,7 +234,7 @@ def _cover_open_loops(shell: PolygonMesh, ground: int, settings: BodySettings) -
         points = shell.points[list(ring)]
         normal = ring_area_vector(points)
         size = float(np.linalg.norm(normal))
-        if size < 1e-9 or np.abs((points - points.mean(axis=0)) @ normal).max() > settings.max_off_plane_m * size:
+        if size < 1e-9 or np.abs((points - points.mean(axis=0)) @ normal).max() > BODIES.max_off_plane_m * size:
             return None
         normal = normal * np.sign(normal[np.argmax(np.abs(normal))]) / size
         # heights on the grid never fall between two bins, so rings of one level plane share a bin
@@ -261,7 +242,7 @@ def _cover_open_loops(shell: PolygonMesh, ground: int, settings: BodySettings) -
         planes.setdefault(key, []).append(ring)
     covers: list[MeshPolygon] = []
     for own in planes.values():
-        covers += _nest_rings(shell.points, own, settings)
+        covers += _nest_rings(shell.points, own)
     low = _lowest_corner(shell)
 
     def name_patch(patch: MeshPolygon) -> MeshPolygon:
@@ -269,14 +250,14 @@ def _cover_open_loops(shell: PolygonMesh, ground: int, settings: BodySettings) -
         level = down[2] < -0.9 * np.linalg.norm(down)
         return (
             replace(patch, semantic=ground)
-            if level and shell.points[patch.rings[0][0], 2] < low + settings.max_foot_height_m
+            if level and shell.points[patch.rings[0][0], 2] < low + BODIES.max_foot_height_m
             else patch
         )
 
     return PolygonMesh(shell.points, (*shell.patches, *map(name_patch, covers)))
 
 
-def _nest_rings(points: Float64Array, rings: Sequence[tuple[int, ...]], settings: BodySettings) -> list[MeshPolygon]:
+def _nest_rings(points: Float64Array, rings: Sequence[tuple[int, ...]]) -> list[MeshPolygon]:
     """Combine rings of one plane to polygons; rings against the largest are holes of the smallest around them."""
     areas = [ring_area_vector(points[list(ring)]) for ring in rings]
     normal = max(areas, key=lambda one: float(np.linalg.norm(one)))
@@ -286,7 +267,7 @@ def _nest_rings(points: Float64Array, rings: Sequence[tuple[int, ...]], settings
     holes: dict[int, list[tuple[int, ...]]] = defaultdict(list)
     for i in set(range(len(rings))) - set(outer):
         corner = shapely.Point(flat[i].exterior.coords[0])
-        around = [k for k in outer if flat[k].buffer(settings.max_off_plane_m).covers(corner)]
+        around = [k for k in outer if flat[k].buffer(BODIES.max_off_plane_m).covers(corner)]
         if around:
             holes[min(around, key=lambda k: flat[k].area)].append(rings[i])
     return [MeshPolygon((rings[i], *holes[i])) for i in outer]

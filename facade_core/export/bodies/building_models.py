@@ -29,7 +29,7 @@ from facade_core.export.bodies.patches import (
     weld_polygons,
 )
 from facade_core.export.bodies.recess import recess_opening
-from facade_core.export.bodies.settings import BODY_SETTINGS, BodySettings
+from facade_core.export.bodies.settings import BODIES
 from facade_core.export.models.textured_mesh import PackedCharts, TexturedMesh
 from facade_core.geometry.charts import CHART_KINDS, ChartKind
 
@@ -104,7 +104,6 @@ def build_building_model_parts(
     origin: Float64Array,
     *,
     has_assumed_roof: bool = False,
-    settings: BodySettings = BODY_SETTINGS,
 ) -> BuildingModelParts:
     """Build the parts of one building's model.
 
@@ -119,13 +118,12 @@ def build_building_model_parts(
     layouts : elements of a chart in metres, y down.
     origin : (3,) origin of the grid of corners, world metres.
     has_assumed_roof : True if the roof shape is assumed; its panes are drawn, not known openings, and count as roof.
-    settings : numbers of bodies.
     """
     source = packed.source
     surfaces = SemanticsBuilder()
     semantics = _add_chart_semantics(surfaces, source, triangles, facades, has_assumed_roof)
     ground, closing = surfaces.get_or_add("GroundSurface"), surfaces.get_or_add("WallSurface")
-    body = build_body(source, triangles, semantics, ground, origin, settings)
+    body = build_body(source, triangles, semantics, ground, origin)
     faces: list[ModelFace] = []
     balconies: list[tuple[str, ModelPart]] = []
     ledges: list[tuple[str, ModelPart]] = []
@@ -143,7 +141,7 @@ def build_building_model_parts(
         balconies += [(facades[chart], _attach_to_wall(packed, chart, balcony_faces(box))) for box in before]
         along = place_ledges(wall, elements) if wall.is_valid else []
         ledges += [(facades[chart], _attach_to_wall(packed, chart, ledge_faces(box))) for box in along]
-    attachments = _make_attachments(packed, body, surfaces.surfaces, settings)
+    attachments = _make_attachments(packed, body, surfaces.surfaces)
     return BuildingModelParts(
         ModelPart(faces, surfaces.surfaces, body.is_closed), attachments, tuple(balconies), tuple(ledges)
     )
@@ -243,7 +241,7 @@ def _shell_triangles(shell: PolygonMesh) -> Float64Array:
     return shell.points[np.concatenate(found)] if found else np.zeros((0, 3, 3))
 
 
-def _group_attachments(body: BuildingBody, settings: BodySettings) -> list[list[PolygonMesh]]:
+def _group_attachments(body: BuildingBody) -> list[list[PolygonMesh]]:
     """Group the attachments whose boxes almost touch."""
     if not body.attachments:
         return []
@@ -252,17 +250,16 @@ def _group_attachments(body: BuildingBody, settings: BodySettings) -> list[list[
     ]
     low, high = (np.array([edge(own, axis=0) for own in corners]) for edge in (np.min, np.max))
     near = (
-        (low[:, None] <= high[None] + settings.max_group_gap_m)
-        & (high[:, None] >= low[None] - settings.max_group_gap_m)
+        (low[:, None] <= high[None] + BODIES.max_group_gap_m) & (high[:, None] >= low[None] - BODIES.max_group_gap_m)
     ).all(axis=-1)
     _, of = connected_components(near, directed=False)
     return [[body.attachments[i] for i in np.flatnonzero(of == k)] for k in range(of.max() + 1)]
 
 
 def _make_attachments(
-    packed: PackedCharts, body: BuildingBody, surfaces: Sequence[SemanticSurface], settings: BodySettings
+    packed: PackedCharts, body: BuildingBody, surfaces: Sequence[SemanticSurface]
 ) -> tuple[ModelPart, ...]:
-    return tuple(_make_attachment(packed, pieces, surfaces) for pieces in _group_attachments(body, settings))
+    return tuple(_make_attachment(packed, pieces, surfaces) for pieces in _group_attachments(body))
 
 
 def _make_attachment(
@@ -277,9 +274,7 @@ def _make_attachment(
     return ModelPart(faces, own.surfaces, False)
 
 
-def ground_faces(
-    packed: PackedCharts, triangles: IntArray, origin: Float64Array, settings: BodySettings = BODY_SETTINGS
-) -> list[list[ModelFace]]:
+def ground_faces(packed: PackedCharts, triangles: IntArray, origin: Float64Array) -> list[list[ModelFace]]:
     """Build the terrain as textured triangles in connected pieces, split at T-junctions.
 
     Parameters
@@ -287,11 +282,10 @@ def ground_faces(
     packed : charts with their texture pages.
     triangles : (t,) triangles of the ground.
     origin : (3,) origin of the grid of corners, world metres.
-    settings : numbers of bodies.
     """
     mesh = packed.source.mesh
     corners = [[ring] for ring in mesh.vertices[mesh.triangles[triangles]]]
-    whole = weld_polygons(corners, mesh.chart[triangles].tolist(), [0] * len(triangles), origin, settings)
+    whole = weld_polygons(corners, mesh.chart[triangles].tolist(), [0] * len(triangles), origin)
     patches = [
         MeshPolygon((tuple(ring),), patch.chart, 0)
         for patch in whole.patches

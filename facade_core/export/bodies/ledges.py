@@ -12,18 +12,12 @@ from facade_core.core.arrays import UInt8Array
 from facade_core.core.types import Element
 from facade_core.export.bodies.balconies import WallFrameFace
 from facade_core.export.bodies.mouldings import WallBand, free_wall_mask, split_wall_into_bands
-from facade_core.export.bodies.settings import LEDGE_SETTINGS, LedgeSettings
+from facade_core.export.bodies.settings import LEDGES
 
 LEDGE_LABEL = "ledge"
 
 
-def detect_ledges(
-    image: UInt8Array,
-    labels: UInt8Array,
-    elements: Sequence[Element],
-    density: float,
-    settings: LedgeSettings = LEDGE_SETTINGS,
-) -> list[Element]:
+def detect_ledges(image: UInt8Array, labels: UInt8Array, elements: Sequence[Element], density: float) -> list[Element]:
     """Detect the ledges of a facade as elements of its whole width.
 
     Parameters
@@ -32,7 +26,6 @@ def detect_ledges(
     labels : (h, w) facade classes.
     elements : elements in metres.
     density : texels per metre.
-    settings : numbers of ledges.
     """
     free = free_wall_mask(labels, [(e.x0, e.y0, e.x1, e.y1) for e in elements], density)
     bands = split_wall_into_bands(image, free, density)
@@ -41,60 +34,55 @@ def detect_ledges(
         Element(LEDGE_LABEL, 0.0, band.top, width, band.foot)
         for above, band, below in zip([None, *bands], bands, [*bands[1:], None], strict=False)
         if band.is_moulding
-        and settings.min_ledge_height_m <= band.height <= settings.max_ledge_height_m
+        and LEDGES.min_ledge_height_m <= band.height <= LEDGES.max_ledge_height_m
         and below is not None
-        and _is_lighter(band, above, below, settings)
+        and _is_lighter(band, above, below)
     ]
 
 
-def _is_lighter(band: WallBand, above: WallBand | None, below: WallBand, settings: LedgeSettings) -> bool:
+def _is_lighter(band: WallBand, above: WallBand | None, below: WallBand) -> bool:
     """Return True if a band is lighter than its neighbours; the topmost band has one."""
     light = float(band.colour.mean())
     return all(
-        light >= (1 + settings.min_lighter_share) * float(one.colour.mean())
-        for one in (above, below)
-        if one is not None
+        light >= (1 + LEDGES.min_lighter_share) * float(one.colour.mean()) for one in (above, below) if one is not None
     )
 
 
-def place_ledges(wall: Polygon, elements: Sequence[Element], settings: LedgeSettings = LEDGE_SETTINGS) -> list[Polygon]:
+def place_ledges(wall: Polygon, elements: Sequence[Element]) -> list[Polygon]:
     """Place the ledges of a wall as rectangles in its chart's frame that cross no other element."""
     _, north, _, south = wall.bounds
-    gap = settings.element_clearance_m
+    gap = LEDGES.element_clearance_m
     others = [(e.x0 - gap, e.y0 - gap, e.x1 + gap, e.y1 + gap) for e in elements if e.label != LEDGE_LABEL]
     found: list[Polygon] = []
     for ledge in sorted((e for e in elements if e.label == LEDGE_LABEL), key=lambda e: (e.y0, e.x0)):
         top, foot = max(ledge.y0, north), min(ledge.y1, south)
-        if foot - top >= settings.min_ledge_height_m:
-            found += _ledge_pieces(wall, (top, foot), others, settings)
+        if foot - top >= LEDGES.min_ledge_height_m:
+            found += _ledge_pieces(wall, (top, foot), others)
     return found
 
 
 def _ledge_pieces(
-    wall: Polygon,
-    rows: tuple[float, float],
-    others: Sequence[tuple[float, float, float, float]],
-    settings: LedgeSettings,
+    wall: Polygon, rows: tuple[float, float], others: Sequence[tuple[float, float, float, float]]
 ) -> list[Polygon]:
     """Return the rectangles of a ledge between the boxes of other elements that cross its rows."""
     west, _, east, _ = wall.bounds
     top, foot = rows
     # where the wall is lower than the ledge, its end or a gable cuts it
-    around = wall.buffer(settings.element_clearance_m / 2)
+    around = wall.buffer(LEDGES.element_clearance_m / 2)
     crossing = sorted(box for box in others if box[1] < foot and box[3] > top)
     pieces, start = [], west
     for left, _, right, _ in [*crossing, (east, 0, east, 0)]:
         box = shapely.box(start, top, max(start, min(left, east)), foot)
-        if left - start >= settings.min_ledge_length_m and around.contains(box):
+        if left - start >= LEDGES.min_ledge_length_m and around.contains(box):
             pieces.append(box)
         start = max(start, right)
     return pieces
 
 
-def ledge_faces(box: Polygon, settings: LedgeSettings = LEDGE_SETTINGS) -> list[WallFrameFace]:
+def ledge_faces(box: Polygon) -> list[WallFrameFace]:
     """Build the closed body of a ledge over a rectangle of its wall."""
     x0, y0, x1, y1 = box.bounds
-    out = settings.ledge_depth_m
+    out = LEDGES.ledge_depth_m
 
     def face(corners: list[tuple[float, float, float]], places: list[tuple[float, float]], kind: str) -> WallFrameFace:
         return [np.array(corners)], [np.array(places)], kind

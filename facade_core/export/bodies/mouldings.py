@@ -10,7 +10,7 @@ import numpy as np
 from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, UInt8Array
 from facade_core.core.labels import FacadeClass
 from facade_core.core.linear_light import srgb_to_linear
-from facade_core.export.bodies.settings import MOULDING_SETTINGS, MouldingSettings
+from facade_core.export.bodies.settings import MOULDINGS
 
 
 @dataclass(frozen=True)
@@ -37,12 +37,7 @@ class WallBand:
         return self.foot - self.top
 
 
-def free_wall_mask(
-    labels: UInt8Array,
-    boxes: Sequence[tuple[float, float, float, float]],
-    density: float,
-    settings: MouldingSettings = MOULDING_SETTINGS,
-) -> BoolArray:
+def free_wall_mask(labels: UInt8Array, boxes: Sequence[tuple[float, float, float, float]], density: float) -> BoolArray:
     """Compute the mask of free wall outside of boxes.
 
     Parameters
@@ -50,7 +45,6 @@ def free_wall_mask(
     labels : (h, w) facade classes.
     boxes : x0, y0, x1, y1 in metres.
     density : texels per metre.
-    settings : numbers of bands.
 
     Returns
     -------
@@ -58,15 +52,13 @@ def free_wall_mask(
     """
     free = np.isin(labels, (FacadeClass.WALL, FacadeClass.ROOF))
     for x0, y0, x1, y1 in boxes:
-        left, top = (max(0, int((low - settings.element_margin_m) * density)) for low in (x0, y0))
-        right, foot = (int(np.ceil((high + settings.element_margin_m) * density)) for high in (x1, y1))
+        left, top = (max(0, int((low - MOULDINGS.element_margin_m) * density)) for low in (x0, y0))
+        right, foot = (int(np.ceil((high + MOULDINGS.element_margin_m) * density)) for high in (x1, y1))
         free[top:foot, left:right] = False
     return free
 
 
-def split_wall_into_bands(
-    image: UInt8Array, free: BoolArray, density: float, settings: MouldingSettings = MOULDING_SETTINGS
-) -> list[WallBand]:
+def split_wall_into_bands(image: UInt8Array, free: BoolArray, density: float) -> list[WallBand]:
     """Split a wall picture into horizontal bands, from its top.
 
     Parameters
@@ -74,21 +66,20 @@ def split_wall_into_bands(
     image : (h, w, 3) uint8.
     free : (h, w) bool, free wall.
     density : texels per metre.
-    settings : numbers of bands.
     """
-    rows = _row_colours(image, free, settings)
-    cuts = [0, *_find_borders(rows, max(1, round(settings.step_window_m * density)), settings), len(rows)]
+    rows = _row_colours(image, free)
+    cuts = [0, *_find_borders(rows, max(1, round(MOULDINGS.step_window_m * density))), len(rows)]
     spans: list[list[int]] = []
     for top, foot in zip(cuts[:-1], cuts[1:], strict=True):
-        low = (foot - top) / density < settings.max_moulding_height_m
+        low = (foot - top) / density < MOULDINGS.max_moulding_height_m
         if spans and low and spans[-1][2]:
             spans[-1][1] = foot
         else:
             spans.append([top, foot, int(low)])
-    return [_make_band(rows, top, foot, bool(low) and len(spans) > 1, density, settings) for top, foot, low in spans]
+    return [_make_band(rows, top, foot, bool(low) and len(spans) > 1, density) for top, foot, low in spans]
 
 
-def _find_borders(rows: Float64Array, reach: int, settings: MouldingSettings) -> list[int]:
+def _find_borders(rows: Float64Array, reach: int) -> list[int]:
     """Find the rows where the mean colours of `reach` rows above and below differ most; rows (h, 3)."""
     height = len(rows)
     total = np.concatenate([np.zeros((1, 3)), np.cumsum(rows, axis=0)])
@@ -98,7 +89,7 @@ def _find_borders(rows: Float64Array, reach: int, settings: MouldingSettings) ->
     step = np.concatenate([[0.0], np.abs(off).max(axis=1), [0.0]])
     found: list[int] = []
     for row in np.argsort(-step, kind="stable").tolist():
-        if step[row] <= settings.min_colour_step:
+        if step[row] <= MOULDINGS.min_colour_step:
             break
         highest = step[row] >= step[max(row - 1, 0) : row + 2].max()
         if highest and all(abs(row - other) >= max(2, reach // 2) for other in found):
@@ -106,18 +97,16 @@ def _find_borders(rows: Float64Array, reach: int, settings: MouldingSettings) ->
     return sorted(found)
 
 
-def _make_band(
-    rows: Float64Array, top: int, foot: int, moulding: bool, density: float, settings: MouldingSettings
-) -> WallBand:
+def _make_band(rows: Float64Array, top: int, foot: int, moulding: bool, density: float) -> WallBand:
     light = srgb_to_linear(np.rint(rows[top:foot]).astype(np.uint8))
-    places = (np.arange(settings.profile_samples) + 0.5) / settings.profile_samples * (foot - top) - 0.5
+    places = (np.arange(MOULDINGS.profile_samples) + 0.5) / MOULDINGS.profile_samples * (foot - top) - 0.5
     profile = np.stack([np.interp(places, np.arange(foot - top), light[:, band]) for band in range(3)], axis=1)
     return WallBand(top / density, foot / density, moulding, light.mean(axis=0), profile.astype(np.float32))
 
 
-def _row_colours(image: UInt8Array, free: BoolArray, settings: MouldingSettings) -> Float64Array:
+def _row_colours(image: UInt8Array, free: BoolArray) -> Float64Array:
     """Return the median colour (h, 3) of the free wall of every row; rows without enough free wall take the nearest."""
-    known = np.flatnonzero(free.mean(axis=1) >= settings.min_free_share)
+    known = np.flatnonzero(free.mean(axis=1) >= MOULDINGS.min_free_share)
     if not len(known):
         return np.tile(np.median(image.reshape(-1, 3), axis=0), (len(image), 1))
     medians = np.array([np.median(image[row][free[row]], axis=0) for row in known.tolist()])

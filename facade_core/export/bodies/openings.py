@@ -9,13 +9,13 @@ from shapely import Polygon
 
 from facade_core.core.arrays import Float64Array
 from facade_core.core.types import Element
-from facade_core.export.bodies.settings import OPENING_SETTINGS, OpeningSettings
+from facade_core.export.bodies.settings import WALL_OPENINGS
 
 # Doors are placed first, because people walk through them.
 OPENING_ORDER = ("door", "window")
 
 
-def chart_outlines(corners: Float64Array, settings: OpeningSettings = OPENING_SETTINGS) -> list[Polygon]:
+def chart_outlines(corners: Float64Array) -> list[Polygon]:
     """Merge the triangles of a chart to polygons with all corners kept.
 
     Triangles that overlap or gape stay as they are.
@@ -23,7 +23,6 @@ def chart_outlines(corners: Float64Array, settings: OpeningSettings = OPENING_SE
     Parameters
     ----------
     corners : (t, 3, 2) in the chart's frame, y down.
-    settings : numbers of openings.
 
     Returns
     -------
@@ -38,37 +37,34 @@ def chart_outlines(corners: Float64Array, settings: OpeningSettings = OPENING_SE
         union = shapely.coverage_union_all(triangles)
     except shapely.GEOSException:  # the triangles are no coverage
         union = shapely.MultiPolygon()
-    if abs(union.area - whole) > settings.max_area_difference * whole or not union.is_valid:
+    if abs(union.area - whole) > WALL_OPENINGS.max_area_difference * whole or not union.is_valid:
         union = shapely.MultiPolygon(list(triangles))
     return _orient_polygons(union)
 
 
-def place_openings(
-    wall: Polygon, elements: Sequence[Element], settings: OpeningSettings = OPENING_SETTINGS
-) -> list[tuple[Element, Polygon]]:
+def place_openings(wall: Polygon, elements: Sequence[Element]) -> list[tuple[Element, Polygon]]:
     """Return doors and windows with their polygons in a wall, clipped and kept apart.
 
     Parameters
     ----------
     wall : outline of the wall in its chart's frame.
     elements : elements in metres, y down from the chart's top left.
-    settings : numbers of openings.
     """
     openings: list[tuple[Element, Polygon]] = []
-    free = wall.buffer(-settings.wall_edge_m, join_style="mitre")
+    free = wall.buffer(-WALL_OPENINGS.wall_edge_m, join_style="mitre")
     wanted = [e for e in elements if e.label in OPENING_ORDER]
     for element in sorted(wanted, key=lambda e: (OPENING_ORDER.index(e.label), -e.width * e.height, e.x0, e.y0)):
         box = shapely.box(element.x0, element.y0, element.x1, element.y1)
         parts = [
             part
             for part in shapely.get_parts(box.intersection(free))
-            if part.geom_type == "Polygon" and not part.interiors and part.area >= settings.min_opening_m2
+            if part.geom_type == "Polygon" and not part.interiors and part.area >= WALL_OPENINGS.min_opening_m2
         ]
         if parts:
-            opening = max(parts, key=lambda part: part.area).simplify(settings.wall_edge_m / 2)
-            if not opening.buffer(-settings.min_opening_width_m / 2).is_empty:
+            opening = max(parts, key=lambda part: part.area).simplify(WALL_OPENINGS.wall_edge_m / 2)
+            if not opening.buffer(-WALL_OPENINGS.min_opening_width_m / 2).is_empty:
                 openings.append((element, _orient_polygons(opening)[0]))
-                free = free.difference(opening.buffer(settings.opening_gap_m, join_style="mitre"))
+                free = free.difference(opening.buffer(WALL_OPENINGS.opening_gap_m, join_style="mitre"))
     return openings
 
 

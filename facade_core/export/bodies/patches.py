@@ -14,7 +14,7 @@ from scipy.spatial import KDTree
 
 from facade_core.core.arrays import Float64Array, Int32Array, Int64Array
 from facade_core.core.grouping import group_rows
-from facade_core.export.bodies.settings import BODY_SETTINGS, BodySettings
+from facade_core.export.bodies.settings import BODIES
 
 
 @dataclass(frozen=True)
@@ -77,11 +77,7 @@ def polygon_area_vector(patch: MeshPolygon, points: Float64Array) -> Float64Arra
 
 
 def weld_polygons(
-    polygons: Sequence[Sequence[Float64Array]],
-    charts: Sequence[int],
-    semantics: Sequence[int],
-    origin: Float64Array,
-    settings: BodySettings = BODY_SETTINGS,
+    polygons: Sequence[Sequence[Float64Array]], charts: Sequence[int], semantics: Sequence[int], origin: Float64Array
 ) -> PolygonMesh:
     """Weld polygons to a mesh on a grid.
 
@@ -93,44 +89,40 @@ def weld_polygons(
     charts : chart of each polygon.
     semantics : semantic surface of each polygon.
     origin : (3,) origin of the grid, world metres.
-    settings : numbers of bodies.
     """
     if not polygons:
         return PolygonMesh(np.zeros((0, 3)), ())
     rings = [ring for polygon in polygons for ring in polygon]
-    points, of = weld_corners(np.concatenate(rings), origin, settings)
+    points, of = weld_corners(np.concatenate(rings), origin)
     index = iter(np.split(of, np.cumsum([len(ring) for ring in rings])[:-1]))
     whole = [
         MeshPolygon(tuple(tuple(next(index).tolist()) for _ in polygon), chart, semantic)
         for polygon, chart, semantic in zip(polygons, charts, semantics, strict=True)
     ]
-    return split_edges_at_corners(PolygonMesh(points, tuple(whole)), settings)
+    return split_edges_at_corners(PolygonMesh(points, tuple(whole)))
 
 
-def weld_corners(
-    points: Float64Array, origin: Float64Array, settings: BodySettings = BODY_SETTINGS
-) -> tuple[Float64Array, Int32Array]:
+def weld_corners(points: Float64Array, origin: Float64Array) -> tuple[Float64Array, Int32Array]:
     """Snap corners to the grid and merge close ones, transitively.
 
     Parameters
     ----------
     points : (n, 3) world metres.
     origin : (3,) origin of the grid.
-    settings : numbers of bodies.
 
     Returns
     -------
     Merged corners (k, 3), and the index (n,) of each corner in them.
     """
-    points = origin + np.rint((points - origin) / settings.grid_m) * settings.grid_m
+    points = origin + np.rint((points - origin) / BODIES.grid_m) * BODIES.grid_m
     tree = KDTree(points)
-    near = tree.sparse_distance_matrix(tree, settings.max_weld_m, output_type="coo_matrix")
+    near = tree.sparse_distance_matrix(tree, BODIES.max_weld_m, output_type="coo_matrix")
     _, of = connected_components(near, directed=False)
     _, first = np.unique(of, return_index=True)
     return points[first], of
 
 
-def split_edges_at_corners(mesh: PolygonMesh, settings: BodySettings = BODY_SETTINGS) -> PolygonMesh:
+def split_edges_at_corners(mesh: PolygonMesh) -> PolygonMesh:
     """Split edges at corners on them and keep the largest simple part of each ring."""
     used = sorted({corner for patch in mesh.patches for ring in patch.rings for corner in ring})
     tree = KDTree(mesh.points[used]) if used else None
@@ -143,13 +135,11 @@ def split_edges_at_corners(mesh: PolygonMesh, settings: BodySettings = BODY_SETT
             assert tree is not None
             start, run = mesh.points[key[0]], mesh.points[key[1]] - mesh.points[key[0]]
             length = float(np.linalg.norm(run))
-            near = number[tree.query_ball_point(start + run / 2, length / 2 + settings.max_off_edge_m)]
+            near = number[tree.query_ball_point(start + run / 2, length / 2 + BODIES.max_off_edge_m)]
             step = (mesh.points[near] - start) @ run / length
             off = np.linalg.norm(mesh.points[near] - start - step[:, None] * run / length, axis=1)
             met = (
-                (off < settings.max_off_edge_m)
-                & (step > settings.max_off_edge_m)
-                & (step < length - settings.max_off_edge_m)
+                (off < BODIES.max_off_edge_m) & (step > BODIES.max_off_edge_m) & (step < length - BODIES.max_off_edge_m)
             )
             on[key] = tuple(near[met][np.argsort(step[met], kind="stable")].tolist())
         return on[key] if a < b else on[key][::-1]
@@ -159,7 +149,7 @@ def split_edges_at_corners(mesh: PolygonMesh, settings: BodySettings = BODY_SETT
         for a, b in zip(ring, ring[1:] + ring[:1], strict=True):
             if a != b:
                 full += [a, *between(a, b)]
-        return _largest_simple_ring(full, mesh.points, settings)
+        return _largest_simple_ring(full, mesh.points)
 
     patches = []
     for patch in mesh.patches:
@@ -169,7 +159,7 @@ def split_edges_at_corners(mesh: PolygonMesh, settings: BodySettings = BODY_SETT
     return PolygonMesh(mesh.points, tuple(patches))
 
 
-def _largest_simple_ring(ring: list[int], points: Float64Array, settings: BodySettings) -> tuple[int, ...]:
+def _largest_simple_ring(ring: list[int], points: Float64Array) -> tuple[int, ...]:
     """Return the largest part of a ring that visits no corner twice; empty without area."""
     while len(set(ring)) < len(ring):
         seen: dict[int, int] = {}
@@ -179,7 +169,7 @@ def _largest_simple_ring(ring: list[int], points: Float64Array, settings: BodySe
                 ring = max(inside, outside, key=lambda part: _ring_area(part, points))
                 break
             seen[corner] = k
-    return tuple(ring) if _ring_area(ring, points) > settings.grid_m * settings.max_weld_m else ()
+    return tuple(ring) if _ring_area(ring, points) > BODIES.grid_m * BODIES.max_weld_m else ()
 
 
 def _ring_area(ring: Sequence[int], points: Float64Array) -> float:
@@ -241,15 +231,15 @@ def trace_loops(edges: Sequence[tuple[int, int]]) -> list[tuple[int, ...]]:
     return [ring for ring in found if len(ring) > 2]
 
 
-def triangulate_nonplanar_polygons(mesh: PolygonMesh, settings: BodySettings = BODY_SETTINGS) -> PolygonMesh:
+def triangulate_nonplanar_polygons(mesh: PolygonMesh) -> PolygonMesh:
     """Replace polygons that are not planar by their constrained Delaunay triangles."""
     patches: list[MeshPolygon] = []
     for patch in mesh.patches:
-        patches += _split_nonplanar(patch, mesh.points, settings)
+        patches += _split_nonplanar(patch, mesh.points)
     return PolygonMesh(mesh.points, tuple(patches))
 
 
-def _split_nonplanar(patch: MeshPolygon, points: Float64Array, settings: BodySettings) -> list[MeshPolygon]:
+def _split_nonplanar(patch: MeshPolygon, points: Float64Array) -> list[MeshPolygon]:
     if sum(map(len, patch.rings)) == 3:
         return [patch]
     corners = np.array([corner for ring in patch.rings for corner in ring])
@@ -260,8 +250,8 @@ def _split_nonplanar(patch: MeshPolygon, points: Float64Array, settings: BodySet
     if not len(triangles):
         return [patch]
     sides = np.array([ring_area_vector(points[ring]) for ring in triangles])
-    turned = (sides @ normal) < settings.min_normal_cosine * np.linalg.norm(sides, axis=1)
-    if np.abs(offset @ normal).max() <= settings.max_off_plane_m and not turned.any():
+    turned = (sides @ normal) < BODIES.min_normal_cosine * np.linalg.norm(sides, axis=1)
+    if np.abs(offset @ normal).max() <= BODIES.max_off_plane_m and not turned.any():
         return [patch]
     return [replace(patch, rings=(tuple(ring),)) for ring in triangles.tolist()]
 

@@ -8,7 +8,7 @@ import numpy as np
 from shapely import Polygon
 
 from facade_core.core.arrays import BoolArray, Float64Array
-from facade_core.export.bodies.settings import OPENING_SETTINGS, OpeningSettings
+from facade_core.export.bodies.settings import WALL_OPENINGS
 from facade_core.geometry.charts import Charts
 
 
@@ -62,12 +62,7 @@ class RecessedOpening(NamedTuple):
 
 
 def recess_opening(
-    opening: Polygon,
-    charts: Charts,
-    chart: int,
-    wall: Float64Array,
-    behind: list[Float64Array],
-    settings: OpeningSettings = OPENING_SETTINGS,
+    opening: Polygon, charts: Charts, chart: int, wall: Float64Array, behind: list[Float64Array]
 ) -> RecessedOpening:
     """Recess an opening as deep as there is room.
 
@@ -78,7 +73,6 @@ def recess_opening(
     chart : chart of the wall.
     wall : (k, 3) corners of the wall polygon, whose plane the opening takes.
     behind : triangles (t, 3, 3) of all other surfaces of the building; the new faces are appended.
-    settings : numbers of openings.
     """
     flat = np.asarray(opening.exterior.coords)[:-1]
     points = charts.points(chart, *flat.T)
@@ -88,10 +82,10 @@ def recess_opening(
     normal = axes[2]
     points += np.outer((middle - points) @ normal / (out @ normal), out)
     frame = np.stack([charts.axis_u[chart], charts.axis_v[chart], -out])
-    low = np.append(flat.min(axis=0), settings.min_recess_clearance_m)
+    low = np.append(flat.min(axis=0), WALL_OPENINGS.min_recess_clearance_m)
     origin = charts.points(chart, np.zeros(1), np.zeros(1))[0] + out * ((points[0] - charts.origin[chart]) @ out)
-    for depth in settings.recess_depths_m:
-        high = np.append(flat.max(axis=0), depth + settings.min_recess_clearance_m)
+    for depth in WALL_OPENINGS.recess_depths_m:
+        high = np.append(flat.max(axis=0), depth + WALL_OPENINGS.min_recess_clearance_m)
         box = (low + high) / 2, (high - low) / 2
         if not any(intersects_box((triangles - origin) @ frame.T, *box).any() for triangles in behind):
             found = RecessedOpening(points, flat, depth, -out)

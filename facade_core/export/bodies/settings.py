@@ -39,7 +39,7 @@ class BodySettings:
     max_group_gap_m: float = 0.05
 
 
-BODY_SETTINGS = BodySettings()
+BODIES = BodySettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +60,7 @@ class FootprintSettings:
     min_part_m2: float = 0.1
 
 
-FOOTPRINT_SETTINGS = FootprintSettings()
+FOOTPRINTS = FootprintSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +88,7 @@ class OpeningSettings:
     min_recess_clearance_m: float = 0.03
 
 
-OPENING_SETTINGS = OpeningSettings()
+WALL_OPENINGS = OpeningSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +117,7 @@ class BalconySettings:
     sill_above_floor_m: float = 0.1
 
 
-BALCONY_SETTINGS = BalconySettings()
+BALCONY_SHAPES = BalconySettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +142,7 @@ class MouldingSettings:
     profile_samples: int = 12
 
 
-MOULDING_SETTINGS = MouldingSettings()
+MOULDINGS = MouldingSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,4 +167,4 @@ class LedgeSettings:
     element_clearance_m: float = 0.06
 
 
-LEDGE_SETTINGS = LedgeSettings()
+LEDGES = LedgeSettings()

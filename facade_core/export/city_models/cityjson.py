@@ -11,10 +11,10 @@ from facade_core.core.arrays import Float64Array, Int64Array
 from facade_core.core.json_types import JsonObject
 from facade_core.export.attribution import Attribution
 from facade_core.export.bodies.model_face import ModelFace, SemanticSurface
-from facade_core.export.bodies.settings import BODY_SETTINGS
+from facade_core.export.bodies.settings import BODIES
 
 # Metres per unit of a vertex.
-METRES_PER_UNIT = BODY_SETTINGS.grid_m
+METRES_PER_UNIT = BODIES.grid_m
 THEME = "streetloom"
 # Decimals of a texture coordinate: a hundredth of a texel of the largest page.
 UV_DECIMALS = 6

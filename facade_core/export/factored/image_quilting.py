@@ -16,7 +16,7 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float32Array, FloatArray, Int64Array, UInt8Array
 from facade_core.core.linear_light import smooth_known_light, srgb_to_linear
-from facade_core.export.factored.settings import GRAIN_SETTINGS, GrainSettings
+from facade_core.export.factored.settings import WALL_GRAINS
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,9 +33,7 @@ class WallGrain:
     width_m: float
 
 
-def synthesise_grain(
-    image: UInt8Array, free: BoolArray, pixels_per_metre: float, seed: int, settings: GrainSettings = GRAIN_SETTINGS
-) -> WallGrain:
+def synthesise_grain(image: UInt8Array, free: BoolArray, pixels_per_metre: float, seed: int) -> WallGrain:
     """Synthesise the grain of a picture; all ones if no block of it is free.
 
     Parameters
@@ -44,34 +42,35 @@ def synthesise_grain(
     free : (h, w) bool, free wall.
     pixels_per_metre : resolution of the picture.
     seed : random seed.
-    settings : numbers of grains.
     """
     import cv2
 
-    side = min(settings.texture_sides_px, key=lambda side: abs(np.log(side / (settings.repeat_m * pixels_per_metre))))
+    side = min(
+        WALL_GRAINS.texture_sides_px, key=lambda side: abs(np.log(side / (WALL_GRAINS.repeat_m * pixels_per_metre)))
+    )
     wide = side / pixels_per_metre
     light = srgb_to_linear(image)
-    shade = settings.shade_m * pixels_per_metre
+    shade = WALL_GRAINS.shade_m * pixels_per_metre
     flat = light / np.maximum(smooth_known_light(light, free, shade), 1e-3)
     rng = np.random.default_rng(seed)
     inside = cv2.integral(free.astype(np.uint8))
-    for block in (block * side // settings.texture_sides_px[-1] for block in settings.block_sides_px):
-        if min(free.shape) < block or block < settings.min_block_px:
+    for block in (block * side // WALL_GRAINS.texture_sides_px[-1] for block in WALL_GRAINS.block_sides_px):
+        if min(free.shape) < block or block < WALL_GRAINS.min_block_px:
             continue
         full = inside[block:, block:] - inside[:-block, block:] - inside[block:, :-block] + inside[:-block, :-block]
         places = np.argwhere(full == block * block)
-        if len(places) >= settings.min_block_count:
+        if len(places) >= WALL_GRAINS.min_block_count:
             break
     else:
         return WallGrain(np.ones((side, side, 3), np.float32), wide)
-    chosen = places[rng.permutation(len(places))[: settings.max_blocks_tried]]
+    chosen = places[rng.permutation(len(places))[: WALL_GRAINS.max_blocks_tried]]
     patches = np.stack([flat[y : y + block, x : x + block] for y, x in chosen.tolist()])
-    quilt = _quilt_torus(np.clip(patches, 1 / settings.max_contrast, settings.max_contrast), side, rng, settings)
+    quilt = _quilt_torus(np.clip(patches, 1 / WALL_GRAINS.max_contrast, WALL_GRAINS.max_contrast), side, rng)
     quilt /= np.maximum(smooth_known_light(quilt, np.ones(quilt.shape[:2], bool), shade, wrap=True), 1e-3)
     return WallGrain(quilt / quilt.mean(axis=(0, 1)), wide)
 
 
-def _quilt_torus(patches: Float32Array, side: int, rng: np.random.Generator, settings: GrainSettings) -> Float32Array:
+def _quilt_torus(patches: Float32Array, side: int, rng: np.random.Generator) -> Float32Array:
     """Quilt blocks (n, b, b, 3) on a torus of `side` pixels."""
     block = patches.shape[1]
     count = -(-side * 4 // (block * 3))  # overlaps of a quarter at least
@@ -87,7 +86,7 @@ def _quilt_torus(patches: Float32Array, side: int, rng: np.random.Generator, set
                 some = slice(None, None, max(1, len(rows) // 1500))
                 off = patches[:, rows[some], columns[some]] - there[rows[some], columns[some]]
                 apart = np.square(off).mean(axis=(1, 2))
-            near = np.flatnonzero(apart <= settings.max_error_factor * apart.min() + 1e-9)
+            near = np.flatnonzero(apart <= WALL_GRAINS.max_error_factor * apart.min() + 1e-9)
             patch = patches[near[rng.integers(len(near))]]
             keep = known & ~_new_side_mask(np.square(patch - there).sum(axis=2), known)
             canvas[at] = np.where(keep[..., None], there, patch)

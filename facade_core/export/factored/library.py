@@ -10,9 +10,9 @@ import numpy as np
 from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, FloatArray, Int64Array, IntArray, UInt8Array
 from facade_core.core.linear_light import linear_to_srgb, smooth_known_light, srgb_to_linear
 from facade_core.core.types import Element
-from facade_core.export.bodies.mouldings import WallBand, free_wall_mask, most_similar_band, split_wall_into_bands
+from facade_core.export.bodies.mouldings import WallBand, free_wall_mask, split_wall_into_bands
 from facade_core.export.factored.image_quilting import WallGrain, synthesise_grain
-from facade_core.export.factored.settings import LIBRARY_SETTINGS, LibrarySettings
+from facade_core.export.factored.settings import LIBRARIES
 from facade_core.export.factored.units import FacadeUnit, Rectangle, group_elements_into_units, surround_reach
 from facade_core.facade.variation.encoding import encode
 
@@ -80,9 +80,7 @@ class FacadeLibrary:
     grains: dict[int, WallGrain]
     mouldings: dict[int, MouldingTexture]
 
-    def find_similar_unit(
-        self, unit: FacadeUnit, look: Float32Array, wall: FloatArray, settings: LibrarySettings = LIBRARY_SETTINGS
-    ) -> int | None:
+    def find_similar_unit(self, unit: FacadeUnit, look: Float32Array, wall: FloatArray) -> int | None:
         """Find the most similar unit of the same kind; None if there is none.
 
         Parameters
@@ -90,16 +88,15 @@ class FacadeLibrary:
         unit : the unit to match.
         look : its descriptor.
         wall : (3,) linear light of the wall around it.
-        settings : numbers of libraries.
         """
         wide, high = unit.size
         best: tuple[float, int] | None = None
         for k, own in enumerate(self.units):
             ratio = abs(float(np.log((wide / high) / (own.size[0] / own.size[1]))))
-            if own.kind != unit.kind or ratio > np.log(settings.max_aspect_ratio):
+            if own.kind != unit.kind or ratio > np.log(LIBRARIES.max_aspect_ratio):
                 continue
             off = float(np.abs(np.sqrt(wall) - np.sqrt(self.wall_light[k])).mean())
-            apart = float(np.abs(look - self.descriptors[k]).mean()) + 20 * ratio + settings.wall_light_weight * off
+            apart = float(np.abs(look - self.descriptors[k]).mean()) + 20 * ratio + LIBRARIES.wall_light_weight * off
             if best is None or apart < best[0]:
                 best = apart, k
         return None if best is None else best[1]
@@ -109,9 +106,7 @@ class FacadeLibrary:
         return int(self.unit_types[min(level, len(self.unit_types) - 1), unit])
 
 
-def unit_descriptor(
-    image: UInt8Array, box: Rectangle, density: float, settings: LibrarySettings = LIBRARY_SETTINGS
-) -> Float32Array:
+def unit_descriptor(image: UInt8Array, box: Rectangle, density: float) -> Float32Array:
     """Compute the descriptor of a box: a thumbnail with half of its mean light removed.
 
     Parameters
@@ -119,7 +114,6 @@ def unit_descriptor(
     image : (h, w, 3) uint8.
     box : x0, y0, x1, y1 in metres.
     density : pixels per metre.
-    settings : numbers of libraries.
 
     Returns
     -------
@@ -130,9 +124,9 @@ def unit_descriptor(
     x0, y0, x1, y1 = (round(side * density) for side in box)
     part = image[max(0, y0) : max(y1, y0 + 1), max(0, x0) : max(x1, x0 + 1)]
     if not part.size:
-        return np.zeros((settings.descriptor_side_px, settings.descriptor_side_px, 3), np.float32)
+        return np.zeros((LIBRARIES.descriptor_side_px, LIBRARIES.descriptor_side_px, 3), np.float32)
     small = cv2.resize(
-        part, (settings.descriptor_side_px, settings.descriptor_side_px), interpolation=cv2.INTER_AREA
+        part, (LIBRARIES.descriptor_side_px, LIBRARIES.descriptor_side_px), interpolation=cv2.INTER_AREA
     ).astype(np.float32)
     descriptor: Float32Array = small - 0.5 * small.mean()
     return descriptor
@@ -147,20 +141,18 @@ def mean_light(light: Float32Array, box: Rectangle, density: float) -> Float32Ar
     return mean
 
 
-def _expand_box(box: Rectangle, settings: LibrarySettings) -> Rectangle:
+def _expand_box(box: Rectangle) -> Rectangle:
     return (
-        box[0] - settings.wall_smoothing_m,
-        box[1] - settings.wall_smoothing_m,
-        box[2] + settings.wall_smoothing_m,
-        box[3] + settings.wall_smoothing_m,
+        box[0] - LIBRARIES.wall_smoothing_m,
+        box[1] - LIBRARIES.wall_smoothing_m,
+        box[2] + LIBRARIES.wall_smoothing_m,
+        box[3] + LIBRARIES.wall_smoothing_m,
     )
 
 
-def surrounding_wall_light(
-    light: Float32Array, box: Rectangle, density: float, settings: LibrarySettings = LIBRARY_SETTINGS
-) -> Float32Array:
+def surrounding_wall_light(light: Float32Array, box: Rectangle, density: float) -> Float32Array:
     """Return the light (3,) of the wall around a box, from the wall light (h, w, 3)."""
-    return mean_light(light, _expand_box(box, settings), density)
+    return mean_light(light, _expand_box(box), density)
 
 
 def build_library(
@@ -171,7 +163,6 @@ def build_library(
     fine: UInt8Array | None = None,
     *,
     seed: int,
-    settings: LibrarySettings = LIBRARY_SETTINGS,
 ) -> FacadeLibrary:
     """Build the library of a picture.
 
@@ -183,7 +174,6 @@ def build_library(
     density : pixels per metre.
     fine : the same picture with more pixels, from which textures are taken.
     seed : random seed of the grains.
-    settings : numbers of libraries.
     """
     units = group_elements_into_units(elements, density)
     fine = image if fine is None else fine
@@ -194,55 +184,44 @@ def build_library(
     import cv2
 
     free_fine = cv2.resize(free.astype(np.uint8), fine.shape[1::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
-    wall = smooth_known_light(srgb_to_linear(image), free, settings.wall_smoothing_m * density)
+    wall = smooth_known_light(srgb_to_linear(image), free, LIBRARIES.wall_smoothing_m * density)
     reach = _surround_reaches(image, units, linear_to_srgb(wall).astype(np.float32), density)
-    walls = np.array([surrounding_wall_light(wall, unit.box, density, settings) for unit in units]).reshape(-1, 3)
-    of, chosen = _assign_types(image, units, walls, density, settings)
+    walls = np.array([surrounding_wall_light(wall, unit.box, density) for unit in units]).reshape(-1, 3)
+    of, chosen = _assign_types(image, units, walls, density)
     return FacadeLibrary(
         tuple(units),
         of,
-        np.stack([unit_descriptor(image, unit.box, density, settings) for unit in units])
+        np.stack([unit_descriptor(image, unit.box, density) for unit in units])
         if units
-        else np.zeros((0, settings.descriptor_side_px, settings.descriptor_side_px, 3), np.float32),
+        else np.zeros((0, LIBRARIES.descriptor_side_px, LIBRARIES.descriptor_side_px, 3), np.float32),
         walls,
         {t: _make_type(fine, units[k], reach[k], whole, wall, density) for t, k in chosen.items()},
         tuple(bands),
-        _synthesise_grains(fine, free_fine, bands, whole, seed, settings),
-        {
-            number: _make_moulding(fine, free_fine, band, whole, settings)
-            for number, band in enumerate(bands)
-            if band.is_moulding
-        },
+        _synthesise_grains(fine, free_fine, bands, whole, seed),
+        {number: _make_moulding(fine, free_fine, band, whole) for number, band in enumerate(bands) if band.is_moulding},
     )
 
 
-def find_similar_band(library: FacadeLibrary, band: WallBand) -> int | None:
-    """Return the number of the library's band that is most similar."""
-    return most_similar_band(band, library.bands)
-
-
 def _synthesise_grains(
-    fine: UInt8Array, free: BoolArray, bands: Sequence[WallBand], density: float, seed: int, settings: LibrarySettings
+    fine: UInt8Array, free: BoolArray, bands: Sequence[WallBand], density: float, seed: int
 ) -> dict[int, WallGrain]:
     """Synthesise the grain of every band that is no moulding; bands of nearly one colour share it."""
     plain = [number for number, band in enumerate(bands) if not band.is_moulding]
     found: dict[int, WallGrain] = {}
-    for group in _group_by_colour(plain, [band.colour for band in bands], settings):
+    for group in _group_by_colour(plain, [band.colour for band in bands]):
         area = np.logical_or.reduce([_band_mask(free, bands[number], density) for number in group])
         grain = synthesise_grain(fine, area, density, seed)
         found |= dict.fromkeys(group, grain)
     return found
 
 
-def _group_by_colour(
-    members: Sequence[int], colours: Sequence[FloatArray] | FloatArray, settings: LibrarySettings
-) -> list[list[int]]:
+def _group_by_colour(members: Sequence[int], colours: Sequence[FloatArray] | FloatArray) -> list[list[int]]:
     """Group members of nearly the colour of a group's first member, linear light (3,) each."""
     groups: list[list[int]] = []
     for member in members:
         root = np.sqrt(colours[member])
         for group in groups:
-            if np.abs(root - np.sqrt(colours[group[0]])).max() < settings.max_material_difference:
+            if np.abs(root - np.sqrt(colours[group[0]])).max() < LIBRARIES.max_material_difference:
                 group.append(member)
                 break
         else:
@@ -274,7 +253,7 @@ def _surround_reaches(
 
 
 def _assign_types(
-    image: UInt8Array, units: Sequence[FacadeUnit], walls: FloatArray, density: float, settings: LibrarySettings
+    image: UInt8Array, units: Sequence[FacadeUnit], walls: FloatArray, density: float
 ) -> tuple[Int64Array, dict[int, int]]:
     """Return the type of every unit at every level (levels, units), and the representative unit of each type.
 
@@ -282,7 +261,7 @@ def _assign_types(
     """
     if not units:
         return np.zeros((1, 0), np.int64), {}
-    groups = _group_by_colour(list(range(len(units))), walls, settings)
+    groups = _group_by_colour(list(range(len(units))), walls)
     of = [_assign_material_types(image, [units[k] for k in group], density) for group in groups]
     levels = np.zeros((max(len(own) for own, _ in of), len(units)), np.int64)
     chosen: dict[int, int] = {}
@@ -345,25 +324,23 @@ def _make_type(
     )
 
 
-def _make_moulding(
-    fine: UInt8Array, free: BoolArray, band: WallBand, density: float, settings: LibrarySettings
-) -> MouldingTexture:
+def _make_moulding(fine: UInt8Array, free: BoolArray, band: WallBand, density: float) -> MouldingTexture:
     """Cut the longest free run of a band and blend its end into its start."""
     top, foot = round(band.top * density), max(round(band.top * density) + 1, round(band.foot * density))
     clear = free[top:foot].mean(axis=0) > 0.98
     edges = np.flatnonzero(np.diff(np.pad(clear.astype(np.int8), 1)))
     runs = edges.reshape(-1, 2)
     start, stop = max(runs.tolist(), key=lambda run: run[1] - run[0], default=[0, 0])
-    fade = round(settings.fade_m * density)
-    stop = min(stop, start + round(settings.max_moulding_m * density) + fade)
+    fade = round(LIBRARIES.fade_m * density)
+    stop = min(stop, start + round(LIBRARIES.max_moulding_m * density) + fade)
     rows = fine[top:foot]
-    if stop - start < settings.min_moulding_m * density + fade:
+    if stop - start < LIBRARIES.min_moulding_m * density + fade:
         means = [
             srgb_to_linear(row[own] if own.any() else row).mean(axis=0)
             for row, own in zip(rows, free[top:foot], strict=True)
         ]
         column = linear_to_srgb(np.stack(means))
-        picture = np.repeat(column[:, None], max(8, round(settings.min_moulding_m * density)), axis=1)
+        picture = np.repeat(column[:, None], max(8, round(LIBRARIES.min_moulding_m * density)), axis=1)
     else:
         light = srgb_to_linear(rows[:, start:stop])
         share = ((np.arange(fade) + 0.5) / fade)[None, :, None]

@@ -10,7 +10,7 @@ import numpy as np
 from facade_core.core.arrays import Float64Array, FloatArray, Int64Array, UInt8Array
 from facade_core.core.grouping import RowsByValue, group_rows
 from facade_core.export.factored.glb import FactoredPrimitive
-from facade_core.export.factored.settings import UNFACTORED_SETTINGS, UnfactoredSettings
+from facade_core.export.factored.settings import UNFACTORED
 from facade_core.export.factored.texture_packing import PackedTextures
 from facade_core.export.factored.wall_geometry import WallPiece, WallPieces
 from facade_core.export.models.pages import downscale
@@ -78,12 +78,7 @@ def _make_part(own: Sequence[tuple[WallPiece, Float64Array, FloatArray]], frame:
 
 
 def pack_unfactored_charts(
-    source: TexturedMesh,
-    triangles_of: RowsByValue,
-    charts: Int64Array,
-    before: int,
-    frame: ModelFrame,
-    settings: UnfactoredSettings = UNFACTORED_SETTINGS,
+    source: TexturedMesh, triangles_of: RowsByValue, charts: Int64Array, before: int, frame: ModelFrame
 ) -> tuple[list[UInt8Array], dict[int, dict[int, FactoredPrimitive]]]:
     """Pack the charts that are not factored on pages of their own.
 
@@ -94,7 +89,6 @@ def pack_unfactored_charts(
     charts : (k,) chart ids, ascending.
     before : number of pictures before these pages.
     frame : frame of the model.
-    settings : numbers of unfactored charts.
 
     Returns
     -------
@@ -104,10 +98,10 @@ def pack_unfactored_charts(
     density = (source.texels / source.extent).max(axis=1)
     share, most = np.where(
         (kind == ChartKind.GROUND)[:, None],
-        (settings.ground_share, settings.max_ground_density),
-        (settings.unfactored_share, settings.max_unfactored_density),
+        (UNFACTORED.ground_share, UNFACTORED.max_ground_density),
+        (UNFACTORED.unfactored_share, UNFACTORED.max_unfactored_density),
     ).T
-    most = np.clip(share * density, settings.min_density, most)
+    most = np.clip(share * density, UNFACTORED.min_density, most)
     share = np.where(np.isin(kind, (ChartKind.WINDOW, ChartKind.DOOR)), 1.0, np.minimum(1.0, most / density))
     texels = np.maximum(1, np.ceil(source.texels * share[:, None] - 1e-6)).astype(np.int64)
 

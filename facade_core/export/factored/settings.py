@@ -27,7 +27,7 @@ class UnitSettings:
     min_grey_difference: float = 14.0
 
 
-UNIT_SETTINGS = UnitSettings()
+FACADE_UNITS = UnitSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +69,7 @@ class GrainSettings:
     evenness_parts: int = 8
 
 
-GRAIN_SETTINGS = GrainSettings()
+WALL_GRAINS = GrainSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +99,7 @@ class LibrarySettings:
     wall_smoothing_m: float = 0.35
 
 
-LIBRARY_SETTINGS = LibrarySettings()
+LIBRARIES = LibrarySettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +125,7 @@ class WallSettings:
     min_recess_pixels: float = 2.0
 
 
-WALL_SETTINGS = WallSettings()
+FACTORED_WALLS = WallSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,4 +148,4 @@ class UnfactoredSettings:
     min_density: float = 2.0
 
 
-UNFACTORED_SETTINGS = UnfactoredSettings()
+UNFACTORED = UnfactoredSettings()

@@ -82,7 +82,7 @@ def pack_textures(pieces: WallPieces, libraries: Sequence[FacadeLibrary]) -> Pac
         most = 1 / max(float(np.quantile(bright.max(axis=2), BRIGHTNESS_QUANTILE)), 1e-3)
         gain[key] = max(1.0, min(_light_quantile(pieces, key), most))
         rasters.append(linear_to_srgb(bright * gain[key]))
-    pages, where = _pack_on_pages(rasters, [len(pictures)])
+    pages, where = _pack_on_pages(rasters, len(pictures))
     placement |= dict(zip(flat, where, strict=True))
     return PackedTextures(pictures + pages, repeated + [False] * len(pages), placement, gain, scale)
 
@@ -107,9 +107,9 @@ def _source_picture(libraries: Sequence[FacadeLibrary], key: TextureKey) -> UInt
 
 
 def _pack_on_pages(
-    rasters: Sequence[UInt8Array], before: Sequence[int]
+    rasters: Sequence[UInt8Array], first_page: int
 ) -> tuple[list[UInt8Array], list[tuple[int, Float64Array, Float64Array]]]:
-    """Pack rasters with repeated borders on pages; returns the pages and the placements."""
+    """Pack rasters with repeated borders on pages; returns the pages, numbered from `first_page`, and the placements."""
     if not rasters:
         return [], []
     size = np.array([raster.shape[1::-1] for raster in rasters], np.int64)
@@ -128,7 +128,7 @@ def _pack_on_pages(
         page, x, y = int(layout.page[i]), int(layout.x[i]), int(layout.y[i])
         pages[page][y - CELL_TEXELS : y - CELL_TEXELS + rows, x - CELL_TEXELS : x - CELL_TEXELS + columns] = padded
         corner, span = np.array([x, y]), np.array([w, h])
-        where.append((before[0] + page, corner / layout.pages[page], span / layout.pages[page]))
+        where.append((first_page + page, corner / layout.pages[page], span / layout.pages[page]))
     return pages, where
 
 

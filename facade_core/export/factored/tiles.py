@@ -9,7 +9,7 @@ import numpy as np
 
 from facade_core.core.arrays import Int64Array, UInt8Array
 from facade_core.core.grouping import RowsByValue
-from facade_core.export.bodies.settings import OPENING_SETTINGS
+from facade_core.export.bodies.settings import WALL_OPENINGS
 from facade_core.export.factored.glb import FactoredPrimitive, encode_factored_glb
 from facade_core.export.factored.parts import (
     build_factored_primitives,
@@ -17,7 +17,7 @@ from facade_core.export.factored.parts import (
     merge_pieces,
     pack_unfactored_charts,
 )
-from facade_core.export.factored.settings import WALL_SETTINGS
+from facade_core.export.factored.settings import FACTORED_WALLS
 from facade_core.export.factored.texture_packing import PackedTextures, texture_memory_bytes
 from facade_core.export.factored.wall_geometry import WallPieces
 from facade_core.export.models.encoders import TextureEncoder
@@ -111,4 +111,4 @@ class FactoredLeafBuilder:
 
 def _recess_error() -> float:
     """Return the geometric error, metres, of a level without recesses."""
-    return OPENING_SETTINGS.recess_depths_m[0] * ERROR_PIXELS / WALL_SETTINGS.min_recess_pixels
+    return WALL_OPENINGS.recess_depths_m[0] * ERROR_PIXELS / FACTORED_WALLS.min_recess_pixels

@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, UInt8Array
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Element
-from facade_core.export.factored.settings import UNIT_SETTINGS, UnitSettings
+from facade_core.export.factored.settings import FACADE_UNITS
 
 Rectangle = tuple[float, float, float, float]
 
@@ -40,27 +40,24 @@ class FacadeUnit:
         return self.box[2] - self.box[0], self.box[3] - self.box[1]
 
 
-def group_elements_into_units(
-    elements: Sequence[Element], density: float, settings: UnitSettings = UNIT_SETTINGS
-) -> list[FacadeUnit]:
+def group_elements_into_units(elements: Sequence[Element], density: float) -> list[FacadeUnit]:
     """Group elements to units, sorted by rows from the top, then from the left.
 
     Parameters
     ----------
     elements : elements in pixels.
     density : pixels per metre.
-    settings : numbers of units.
     """
     kept = [e for e in elements if e.label in ELEMENT_CLASSES and min(e.width, e.height) / density > 0.2]
     boxes = np.array([(e.x0, e.y0, e.x1, e.y1) for e in kept]).reshape(-1, 4) / density
     balcony = np.array([e.label == "balcony" for e in kept], bool)
     low, high = boxes[:, :2], boxes[:, 2:]
-    near = ((low[:, None] <= high[None] + settings.max_gap_m) & (high[:, None] >= low[None] - settings.max_gap_m)).all(
-        axis=-1
-    )
+    near = (
+        (low[:, None] <= high[None] + FACADE_UNITS.max_gap_m) & (high[:, None] >= low[None] - FACADE_UNITS.max_gap_m)
+    ).all(axis=-1)
     across = np.minimum(high[:, None, 0], high[None, :, 0]) - np.maximum(low[:, None, 0], low[None, :, 0]) > 0
     union = np.maximum(high[:, None, 0], high[None, :, 0]) - np.minimum(low[:, None, 0], low[None, :, 0])
-    joined = near & across & (union <= settings.max_unit_width_m) & (balcony[:, None] ^ balcony[None])
+    joined = near & across & (union <= FACADE_UNITS.max_unit_width_m) & (balcony[:, None] ^ balcony[None])
     count, of = connected_components(joined, directed=False) if len(kept) else (0, np.zeros(0))
     found = []
     for number in range(count):
@@ -84,12 +81,7 @@ def _uncovered_panes(boxes: Float64Array, balcony: BoolArray) -> list[Rectangle]
 
 
 def surround_reach(
-    image: UInt8Array,
-    others: BoolArray,
-    wall: Float32Array,
-    box: Rectangle,
-    density: float,
-    settings: UnitSettings = UNIT_SETTINGS,
+    image: UInt8Array, others: BoolArray, wall: Float32Array, box: Rectangle, density: float
 ) -> tuple[float, float, float, float]:
     """Measure how far the surround of a unit reaches beyond its box.
 
@@ -100,7 +92,6 @@ def surround_reach(
     wall : (h, w, 3) float32 colour of the wall around each pixel, grey levels.
     box : x0, y0, x1, y1 in metres.
     density : pixels per metre.
-    settings : numbers of units.
 
     Returns
     -------
@@ -110,7 +101,7 @@ def surround_reach(
     x0, y0, x1, y1 = (round(side * density) for side in box)
     reach = []
     for axis, outward, start in ((1, -1, x0), (0, -1, y0), (1, 1, x1), (0, 1, y1)):
-        limit = round(settings.max_reach_m * density)
+        limit = round(FACADE_UNITS.max_reach_m * density)
         last = 0
         for step in range(limit):
             at = start + outward * step - (outward < 0)
@@ -119,8 +110,8 @@ def surround_reach(
             line = (slice(max(0, y0), y1), at) if axis else (at, slice(max(0, x0), x1))
             if others[line].mean() > 0.1:
                 break
-            off = np.abs(image[line].astype(np.float32) - wall[line]).max(axis=1) > settings.min_grey_difference
-            if off.mean() > settings.min_different_share:
+            off = np.abs(image[line].astype(np.float32) - wall[line]).max(axis=1) > FACADE_UNITS.min_grey_difference
+            if off.mean() > FACADE_UNITS.min_different_share:
                 last = step + 1
-        reach.append(max(settings.min_reach_m, last / density + 0.03))
+        reach.append(max(FACADE_UNITS.min_reach_m, last / density + 0.03))
     return tuple(reach)  # type: ignore[return-value]

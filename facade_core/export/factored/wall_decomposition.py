@@ -10,14 +10,13 @@ import numpy as np
 from facade_core.core.arrays import Float32Array, UInt8Array
 from facade_core.core.linear_light import smooth_known_light, srgb_to_linear
 from facade_core.core.types import Element
-from facade_core.export.bodies.mouldings import WallBand, free_wall_mask, split_wall_into_bands
+from facade_core.export.bodies.mouldings import WallBand, free_wall_mask, most_similar_band, split_wall_into_bands
 from facade_core.export.factored.library import (
     FacadeLibrary,
-    find_similar_band,
     surrounding_wall_light,
     unit_descriptor,
 )
-from facade_core.export.factored.settings import WALL_SETTINGS, WallSettings
+from facade_core.export.factored.settings import FACTORED_WALLS
 from facade_core.export.factored.units import group_elements_into_units
 
 
@@ -55,21 +54,20 @@ class WallDecomposition:
     wall_light : (h, w, 3) linear light of the free wall, smoothed.
     """
 
-    def __init__(
-        self, facade: StoredFacadeWall, library: FacadeLibrary, settings: WallSettings = WALL_SETTINGS
-    ) -> None:
-        self.settings = settings
+    def __init__(self, facade: StoredFacadeWall, library: FacadeLibrary) -> None:
         self.facade, self.library, density = facade, library, facade.density
         units = group_elements_into_units(facade.elements, density)
         self.free = free_wall_mask(facade.labels, [unit.box for unit in units], density)
         self.light = srgb_to_linear(facade.colour)
-        self.wall_light = smooth_known_light(self.light, self.free, settings.shade_smoothing_m * density)
+        self.wall_light = smooth_known_light(self.light, self.free, FACTORED_WALLS.shade_smoothing_m * density)
         self.bands = [
-            (band, find_similar_band(library, band), self._band_light(band))
+            (band, most_similar_band(band, library.bands), self._band_light(band))
             for band in split_wall_into_bands(facade.base_layer, self.free, density)
         ]
         ordered = sorted(units, key=lambda unit: (-unit.size[0] * unit.size[1], unit.box))
-        around = smooth_known_light(srgb_to_linear(facade.base_layer), self.free, settings.shade_smoothing_m * density)
+        around = smooth_known_light(
+            srgb_to_linear(facade.base_layer), self.free, FACTORED_WALLS.shade_smoothing_m * density
+        )
         named = []
         for unit in ordered:
             look, wall = (
@@ -91,7 +89,7 @@ class WallDecomposition:
             light, free = mean[None].astype(np.float32), (weight > 0)[None]
         if not free.any():
             free = np.ones_like(free)
-        return smooth_known_light(light, free, self.settings.shade_smoothing_m * density)
+        return smooth_known_light(light, free, FACTORED_WALLS.shade_smoothing_m * density)
 
     def nearest_grain(self, y: float) -> tuple[int, Float32Array, WallBand] | None:
         """Return match, light and band of the grain band nearest to a height; None if there is none."""

@@ -15,9 +15,9 @@ from facade_core.core.arrays import Float32Array, Float64Array, FloatArray, Int6
 from facade_core.core.linear_light import srgb_to_linear
 from facade_core.export.bodies.mouldings import WallBand
 from facade_core.export.bodies.recess import recess_opening
-from facade_core.export.bodies.settings import OPENING_SETTINGS
+from facade_core.export.bodies.settings import WALL_OPENINGS
 from facade_core.export.factored.library import mean_light
-from facade_core.export.factored.settings import GRAIN_SETTINGS, WALL_SETTINGS, WallSettings
+from facade_core.export.factored.settings import FACTORED_WALLS, WALL_GRAINS
 from facade_core.export.factored.units import FacadeUnit, Rectangle
 from facade_core.export.factored.wall_decomposition import WallDecomposition
 from facade_core.geometry.charts import Charts
@@ -79,12 +79,12 @@ class WallPolygon(NamedTuple):
     corners: Float64Array
 
 
-def is_planar_and_valid(plane: WallPolygon, settings: WallSettings = WALL_SETTINGS) -> bool:
+def is_planar_and_valid(plane: WallPolygon) -> bool:
     """Return True if a polygon is planar and valid."""
     middle = plane.corners.mean(axis=0)
     _, _, axes = np.linalg.svd(plane.corners - middle, full_matrices=False)
     return (
-        bool(np.abs((plane.corners - middle) @ axes[2]).max() <= settings.max_off_wall_plane_m)
+        bool(np.abs((plane.corners - middle) @ axes[2]).max() <= FACTORED_WALLS.max_off_wall_plane_m)
         and plane.outline.is_valid
     )
 
@@ -131,7 +131,7 @@ def build_wall(
     behind : triangles behind the wall, as in `bodies.recess.recess_opening`; changed in place.
     pieces : pieces of the building; changed in place.
     """
-    offset = GRAIN_SETTINGS.repeat_m * np.random.default_rng(decomposition.facade.chart).random(2)
+    offset = WALL_GRAINS.repeat_m * np.random.default_rng(decomposition.facade.chart).random(2)
     for plane in planes:
         wall = _WallBuilder(charts, plane, decomposition, library_index, detail, offset, pieces)
         free = plane.outline
@@ -208,8 +208,8 @@ class _WallBuilder:
         own = mean_light(self.decomposition.wall_light, _make_rectangle(corner, corner + step * size), density)
         light = self._clip_factor(own / np.maximum(kind.wall_light, 1e-4))
         key: TextureKey = ("type", self.library_index, shown)
-        inner = self.plane.outline.buffer(-OPENING_SETTINGS.wall_edge_m, join_style="mitre").intersection(
-            area.buffer(-OPENING_SETTINGS.wall_edge_m / 2)
+        inner = self.plane.outline.buffer(-WALL_OPENINGS.wall_edge_m, join_style="mitre").intersection(
+            area.buffer(-WALL_OPENINGS.wall_edge_m / 2)
         )
         ring: shapely.Geometry = area
         for left, top, right, foot in kind.panes if self.detail.has_recesses else ():
@@ -217,11 +217,11 @@ class _WallBuilder:
             pane = _largest_polygon(shapely.box(*box).intersection(inner))
             if (
                 pane is None
-                or pane.area < OPENING_SETTINGS.min_opening_m2
-                or pane.buffer(-OPENING_SETTINGS.min_opening_width_m / 2).is_empty
+                or pane.area < WALL_OPENINGS.min_opening_m2
+                or pane.buffer(-WALL_OPENINGS.min_opening_width_m / 2).is_empty
             ):
                 continue
-            pane = shapely.orient_polygons(pane.simplify(OPENING_SETTINGS.wall_edge_m / 4), exterior_cw=True)
+            pane = shapely.orient_polygons(pane.simplify(WALL_OPENINGS.wall_edge_m / 4), exterior_cw=True)
             found = recess_opening(pane, self.charts, self.chart, self.plane.corners, behind)
             if not found.depth:
                 continue
@@ -241,8 +241,7 @@ class _WallBuilder:
         return rest
 
     def _clip_factor(self, factor: FloatArray) -> FloatArray:
-        settings = self.decomposition.settings
-        return np.clip(factor, settings.min_light_factor, settings.max_light_factor)
+        return np.clip(factor, FACTORED_WALLS.min_light_factor, FACTORED_WALLS.max_light_factor)
 
     def _add_reveals(self, faces: Sequence[tuple[Float64Array, Float64Array]]) -> None:
         for ring, flat in faces:
@@ -251,7 +250,7 @@ class _WallBuilder:
                 continue
             own, shade, band = found
             normal = np.cross(ring[1] - ring[0], ring[3] - ring[0])
-            light = self.decomposition.settings.reveal_light * self._sample_light(shade, band, flat)
+            light = FACTORED_WALLS.reveal_light * self._sample_light(shade, band, flat)
             piece = WallPiece(
                 ring,
                 np.tile(normal / max(float(np.linalg.norm(normal)), 1e-12), (4, 1)),

@@ -6,12 +6,10 @@ import numpy as np
 
 from facade_core.core.arrays import Float32Array, FloatArray, UInt8Array
 from facade_core.core.labels import FacadeClass
-from facade_core.export.lighting.settings import ALBEDO_SETTINGS, AlbedoSettings
+from facade_core.export.lighting.settings import ALBEDO
 
 
-def estimate_shading(
-    colour: UInt8Array, labels: UInt8Array, density: float, settings: AlbedoSettings = ALBEDO_SETTINGS
-) -> Float32Array | None:
+def estimate_shading(colour: UInt8Array, labels: UInt8Array, density: float) -> Float32Array | None:
     """Estimate the shading of a wall along its width.
 
     A parabola is fitted to the log brightness of cells, relative to the mean of their row, by iteratively reweighted least
@@ -22,19 +20,18 @@ def estimate_shading(
     colour : (h, w, 3) uint8.
     labels : (h, w) facade classes.
     density : texels per metre.
-    settings : numbers of the fit.
 
     Returns
     -------
     (h, w) float32 around 1; None where too little wall is visible.
     """
-    side = max(1, round(settings.cell_m * density))
+    side = max(1, round(ALBEDO.cell_m * density))
     rows, columns = labels.shape[0] // side, labels.shape[1] // side
     cells = (rows, side, columns, side)
     grey = colour.mean(axis=2)[: rows * side, : columns * side].reshape(cells)
     wall = (labels == FacadeClass.WALL)[: rows * side, : columns * side].reshape(cells)
     mostly = wall.mean(axis=(1, 3)) > 0.5 if rows and columns else np.zeros((0, 0), bool)
-    if mostly.sum() < settings.min_cells:
+    if mostly.sum() < ALBEDO.min_cells:
         return None
     values = np.where(wall, grey, np.nan).transpose(0, 2, 1, 3)[mostly].reshape(int(mostly.sum()), -1)
     light = np.log(np.maximum(np.nanmedian(values, axis=1), 1))
@@ -42,27 +39,26 @@ def estimate_shading(
     scale = labels.shape[1] / 2
     place = ((column + 0.5) * side - scale) / scale
     parts, weight = np.column_stack([place, place**2]), np.ones(len(light))
-    for _ in range(settings.robust_rounds):
+    for _ in range(ALBEDO.robust_rounds):
         # relative to the mean of each row, so that differences between rows are not taken for light
         row_weight = np.maximum(np.bincount(row, weight, rows), 1e-9)
         basis = parts - np.column_stack([np.bincount(row, weight * part, rows) / row_weight for part in parts.T])[row]
         relative = light - (np.bincount(row, weight * light, rows) / row_weight)[row]
-        penalty = settings.regularisation * weight.sum() * np.eye(2)
+        penalty = ALBEDO.regularisation * weight.sum() * np.eye(2)
         found = np.linalg.solve(basis.T @ (basis * weight[:, None]) + penalty, basis.T @ (weight * relative))
-        weight = 1 / (1 + ((relative - basis @ found) / settings.robust_scale) ** 2)
+        weight = 1 / (1 + ((relative - basis @ found) / ALBEDO.robust_scale) ** 2)
     along = (np.arange(labels.shape[1]) + 0.5 - scale) / scale
     field = np.exp(found[0] * along + found[1] * (along**2 - 1 / 3))  # whose logarithm is 0 in the mean
-    return np.broadcast_to(np.clip(field, settings.min_shading, settings.max_shading).astype(np.float32), labels.shape)
+    return np.broadcast_to(np.clip(field, ALBEDO.min_shading, ALBEDO.max_shading).astype(np.float32), labels.shape)
 
 
-def divide_light(colour: UInt8Array, light: FloatArray, settings: AlbedoSettings = ALBEDO_SETTINGS) -> UInt8Array:
+def divide_light(colour: UInt8Array, light: FloatArray) -> UInt8Array:
     """Divide the light out of a colour.
 
     Parameters
     ----------
     colour : (h, w, 3) uint8.
     light : (h, w) or (h, w, 3) factor.
-    settings : numbers of the fit.
 
     Returns
     -------
@@ -70,5 +66,5 @@ def divide_light(colour: UInt8Array, light: FloatArray, settings: AlbedoSettings
     """
     wide = light if light.ndim == 3 else light[..., None]
     return (
-        np.minimum(colour / np.maximum(wide, np.float32(0.05)) + np.float32(0.5), max(settings.max_albedo, 1))
+        np.minimum(colour / np.maximum(wide, np.float32(0.05)) + np.float32(0.5), max(ALBEDO.max_albedo, 1))
     ).astype(np.uint8)

@@ -7,17 +7,12 @@ import numpy as np
 from facade_core.core.arrays import BoolArray, Float32Array, UInt8Array
 from facade_core.core.labels import FacadeClass
 from facade_core.export.lighting.pbr_materials import RELIEF
-from facade_core.export.lighting.settings import HEIGHT_MAP_SETTINGS, HeightMapSettings
+from facade_core.export.lighting.settings import HEIGHT_MAPS
 from facade_core.street.materials.relief import relief_depth
 
 
 def estimate_heights(
-    labels: UInt8Array | None,
-    material: UInt8Array,
-    grey: Float32Array,
-    frames: BoolArray,
-    density: float,
-    settings: HeightMapSettings = HEIGHT_MAP_SETTINGS,
+    labels: UInt8Array | None, material: UInt8Array, grey: Float32Array, frames: BoolArray, density: float
 ) -> Float32Array:
     """Estimate the relief of a chart: openings, slabs and sills by label, joints and pores by brightness.
 
@@ -28,7 +23,6 @@ def estimate_heights(
     grey : (h, w) float32 brightness; darker than its surroundings means lower.
     frames : (h, w) bool, window frames and bars.
     density : texels per metre.
-    settings : numbers of the height maps.
 
     Returns
     -------
@@ -36,23 +30,20 @@ def estimate_heights(
     """
     import cv2
 
-    side = 2 * max(1, round(settings.contrast_window_m * density / 2)) + 1
+    side = 2 * max(1, round(HEIGHT_MAPS.contrast_window_m * density / 2)) + 1
     mean = np.maximum(cv2.blur(grey, (side, side), borderType=cv2.BORDER_REPLICATE), 1)
-    out = np.clip((grey / mean - 1) / settings.full_relief_contrast, -1, 0.5) * RELIEF[material]
+    out = np.clip((grey / mean - 1) / HEIGHT_MAPS.full_relief_contrast, -1, 0.5) * RELIEF[material]
     if labels is not None:
         # ragged edges of balconies and shops would glitter
         out += relief_depth(
             np.where(np.isin(labels, (FacadeClass.BALCONY, FacadeClass.SHOP)), FacadeClass.WALL, labels), density
         )
-        out[frames] += np.float32(settings.frame_relief_m)
+        out[frames] += np.float32(HEIGHT_MAPS.frame_relief_m)
     return out.astype(np.float32)
 
 
 def normals_from_heights(
-    height: Float32Array,
-    density: float,
-    slope_offset: Float32Array | None = None,
-    settings: HeightMapSettings = HEIGHT_MAP_SETTINGS,
+    height: Float32Array, density: float, slope_offset: Float32Array | None = None
 ) -> Float32Array:
     """Compute normals of a height map by central differences.
 
@@ -61,7 +52,6 @@ def normals_from_heights(
     height : (h, w) metres.
     density : texels per metre.
     slope_offset : (h, w, 2) slopes to the right and up that are added, for tilted panes.
-    settings : numbers of the height maps.
 
     Returns
     -------
@@ -70,7 +60,7 @@ def normals_from_heights(
     padded = np.pad(height, 1, mode="edge")
     right = (padded[1:-1, 2:] - padded[1:-1, :-2]) * np.float32(density / 2)
     up = (padded[:-2, 1:-1] - padded[2:, 1:-1]) * np.float32(density / 2)
-    slope = np.clip(np.stack([right, up], axis=-1), -settings.max_slope, settings.max_slope)
+    slope = np.clip(np.stack([right, up], axis=-1), -HEIGHT_MAPS.max_slope, HEIGHT_MAPS.max_slope)
     if slope_offset is not None:
         slope = slope + slope_offset
     found = np.concatenate([-slope, np.ones((*height.shape, 1), np.float32)], axis=-1)
@@ -78,16 +68,13 @@ def normals_from_heights(
     return normals
 
 
-def cavity_visibility(
-    height: Float32Array, density: float, settings: HeightMapSettings = HEIGHT_MAP_SETTINGS
-) -> Float32Array:
+def cavity_visibility(height: Float32Array, density: float) -> Float32Array:
     """Compute the share of the sky that a texel sees past its surroundings, from the mean height around it.
 
     Parameters
     ----------
     height : (h, w) metres.
     density : texels per metre.
-    settings : numbers of the height maps.
 
     Returns
     -------
@@ -95,8 +82,8 @@ def cavity_visibility(
     """
     import cv2
 
-    side = 2 * max(1, round(settings.cavity_window_m * density)) + 1
+    side = 2 * max(1, round(HEIGHT_MAPS.cavity_window_m * density)) + 1
     mean = cv2.blur(height, (side, side), borderType=cv2.BORDER_REPLICATE)
-    below = np.clip((mean - height) / np.float32(settings.full_cavity_depth_m), 0, 1)
-    visibility: Float32Array = (1 - (1 - np.float32(settings.min_cavity_visibility)) * below).astype(np.float32)
+    below = np.clip((mean - height) / np.float32(HEIGHT_MAPS.full_cavity_depth_m), 0, 1)
+    visibility: Float32Array = (1 - (1 - np.float32(HEIGHT_MAPS.min_cavity_visibility)) * below).astype(np.float32)
     return visibility

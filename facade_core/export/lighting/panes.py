@@ -9,7 +9,7 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float32Array, UInt8Array
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, FacadeClass
-from facade_core.export.lighting.settings import PANE_SETTINGS, PaneSettings
+from facade_core.export.lighting.settings import PANES
 from facade_core.export.lighting.shop_interiors import shop_interior_light
 from facade_core.parsing.elements import elements
 
@@ -97,9 +97,7 @@ def find_openings(labels: UInt8Array) -> Iterator[FacadeOpening]:
             yield FacadeOpening(label, x, y, x + width, y + height)
 
 
-def glass_mask(
-    opening: FacadeOpening, grey: UInt8Array, density: float, settings: PaneSettings = PANE_SETTINGS
-) -> BoolArray:
+def glass_mask(opening: FacadeOpening, grey: UInt8Array, density: float) -> BoolArray:
     """Compute the mask of glass in an opening: inside its frame, between the bars visible in the picture.
 
     Parameters
@@ -107,7 +105,6 @@ def glass_mask(
     opening : the window or shop.
     grey : (h, w) uint8 picture of the facade.
     density : texels per metre.
-    settings : numbers of panes.
 
     Returns
     -------
@@ -118,27 +115,27 @@ def glass_mask(
     inside = np.ones(opening.shape, bool)
     height = len(inside)
     if opening.label == FacadeClass.SHOP:
-        panes = _shop_pane_rows(height, settings)
+        panes = _shop_pane_rows(height)
         inside[: panes.start] = False
         inside[panes.stop :] = False
-    frame = max(1, round(settings.pane_frame_m * density))
+    frame = max(1, round(PANES.pane_frame_m * density))
     eroded = cv2.erode(np.pad(inside, frame).astype(np.uint8), np.ones((2 * frame + 1,) * 2, np.uint8))
     found: BoolArray = eroded[frame:-frame, frame:-frame] > 0
-    bar = round(settings.max_bar_m * density)
+    bar = round(PANES.max_bar_m * density)
     if bar < 2 or opening.label == FacadeClass.SHOP:  # too coarse to show any; a shop's goods have edges too
         return found
     part = np.ascontiguousarray(grey[opening.box])
     kernel = np.ones((bar + 1, bar + 1), np.uint8)
-    bars = np.asarray(cv2.morphologyEx(part, cv2.MORPH_TOPHAT, kernel) > settings.min_brighter)
-    bars |= np.asarray(cv2.morphologyEx(part, cv2.MORPH_BLACKHAT, kernel) > settings.min_darker)
+    bars = np.asarray(cv2.morphologyEx(part, cv2.MORPH_TOPHAT, kernel) > PANES.min_brighter)
+    bars |= np.asarray(cv2.morphologyEx(part, cv2.MORPH_BLACKHAT, kernel) > PANES.min_darker)
     clear: BoolArray = found & ~bars
-    return clear if clear.sum() >= (1 - settings.max_bar_share) * found.sum() else found
+    return clear if clear.sum() >= (1 - PANES.max_bar_share) * found.sum() else found
 
 
-def _shop_pane_rows(height: int, settings: PaneSettings) -> slice:
+def _shop_pane_rows(height: int) -> slice:
     """Return the rows of a shop's panes, below its sign and above its plinth."""
-    top = round(settings.shop_sign_share * height)
-    return slice(top, max(top + 1, height - round(settings.shop_plinth_share * height)))
+    top = round(PANES.shop_sign_share * height)
+    return slice(top, max(top + 1, height - round(PANES.shop_plinth_share * height)))
 
 
 class SeededRandom:
@@ -166,26 +163,20 @@ def _hash_splitmix64(*numbers: int) -> float:
     return (h >> 11) / 2**53
 
 
-def pane_slope(
-    opening: FacadeOpening, density: float, random: SeededRandom, settings: PaneSettings = PANE_SETTINGS
-) -> Float32Array:
+def pane_slope(opening: FacadeOpening, density: float, random: SeededRandom) -> Float32Array:
     """Return the slopes (2,) float32 to the right and up of an opening's panes."""
-    at = _opening_place(opening, density, settings)
-    return np.array([settings.max_pane_slope * (2 * random.per_wall(*at, turn) - 1) for turn in (1, 2)], np.float32)
+    at = _opening_place(opening, density)
+    return np.array([PANES.max_pane_slope * (2 * random.per_wall(*at, turn) - 1) for turn in (1, 2)], np.float32)
 
 
-def _opening_place(opening: FacadeOpening, density: float, settings: PaneSettings) -> tuple[int, int]:
+def _opening_place(opening: FacadeOpening, density: float) -> tuple[int, int]:
     """Return the position of an opening's centre in steps right and down, stable across densities except at step borders."""
     across, down = opening.left + opening.right, opening.top + opening.bottom
-    return int(across / (2 * density * settings.place_step_m)), int(down / (2 * density * settings.place_step_m))
+    return int(across / (2 * density * PANES.place_step_m)), int(down / (2 * density * PANES.place_step_m))
 
 
 def opening_emission(
-    opening: FacadeOpening,
-    density: float,
-    height_m: float,
-    random: SeededRandom,
-    settings: PaneSettings = PANE_SETTINGS,
+    opening: FacadeOpening, density: float, height_m: float, random: SeededRandom
 ) -> Float32Array | None:
     """Compute the light of an opening at night.
 
@@ -195,59 +186,56 @@ def opening_emission(
     density : texels per metre.
     height_m : height of the wall, whose foot is at the ground floor.
     random : numbers of the building and wall.
-    settings : numbers of panes.
 
     Returns
     -------
     (h, w, 3) float32 linear 0 to 1 over the box of the opening; None where dark.
     """
-    at = _opening_place(opening, density, settings)
+    at = _opening_place(opening, density)
     over = height_m - (opening.top + opening.bottom) / (2 * density)
-    storey = int(over / settings.floor_height_m)
+    storey = int(over / PANES.floor_height_m)
     if opening.label == FacadeClass.SHOP:
-        return _shop_light(opening, density, at, random, settings)
+        return _shop_light(opening, density, at, random)
     high, wide = opening.shape
     x, y = ((np.arange(n, dtype=np.float32) + np.float32(0.5)) / n for n in (wide, high))
-    flat = int(at[0] * settings.place_step_m / settings.flat_width_m + random.per_building(storey, 21))
-    share = _interpolate(settings.lit_flat_share_range, random.per_building(22))
-    if random.per_building(storey, 23) < settings.dim_floor_share:
-        share *= settings.dim_floor_factor
-    if random.per_wall(flat, storey, 24) >= share or random.per_wall(*at, 25) >= settings.lit_window_share:
+    flat = int(at[0] * PANES.place_step_m / PANES.flat_width_m + random.per_building(storey, 21))
+    share = _interpolate(PANES.lit_flat_share_range, random.per_building(22))
+    if random.per_building(storey, 23) < PANES.dim_floor_share:
+        share *= PANES.dim_floor_factor
+    if random.per_wall(flat, storey, 24) >= share or random.per_wall(*at, 25) >= PANES.lit_window_share:
         return None
     lamp = LAMP_COLOURS[
         int(np.searchsorted(LAMP_CUMULATIVE_SHARES, random.per_wall(flat, storey, 26)).clip(0, len(LAMP_COLOURS) - 1))
     ]
-    level = _interpolate(settings.window_light_range, random.per_wall(*at, 27))
+    level = _interpolate(PANES.window_light_range, random.per_wall(*at, 27))
     from_lamp = ((x - (0.25 + 0.5 * random.per_wall(*at, 28))) ** 2)[None] * 2 + ((y - 0.2) ** 2)[:, None] * 1.6
     light = level * (0.35 + 0.65 * np.exp(-2 * from_lamp))
     curtain = random.per_wall(*at, 29)
-    if curtain < settings.side_curtain_share:
+    if curtain < PANES.side_curtain_share:
         light = light * np.where(np.abs(x - 0.5) > 0.5 - 0.16 - 0.1 * random.per_wall(*at, 30), 0.45, 1.0)
-    elif curtain < settings.side_curtain_share + settings.drawn_curtain_share:
+    elif curtain < PANES.side_curtain_share + PANES.drawn_curtain_share:
         folds = 0.85 + 0.15 * np.cos(2 * np.pi * (4 * x + random.per_wall(*at, 30)))
         light = 0.5 * level * (0.7 + 0.3 * light / level) * folds
         lamp = lamp * np.array([1.0, 0.88, 0.74], np.float32)
-    elif curtain < settings.side_curtain_share + settings.drawn_curtain_share + settings.blind_share:
+    elif curtain < PANES.side_curtain_share + PANES.drawn_curtain_share + PANES.blind_share:
         light = light * np.where(y < 0.25 + 0.4 * random.per_wall(*at, 30), 0.4, 1.0)[:, None]
     emission: Float32Array = (light[..., None] * lamp).astype(np.float32)
     return emission
 
 
-def _shop_light(
-    opening: FacadeOpening, density: float, at: tuple[int, int], random: SeededRandom, settings: PaneSettings
-) -> Float32Array:
+def _shop_light(opening: FacadeOpening, density: float, at: tuple[int, int], random: SeededRandom) -> Float32Array:
     """Return the light of a shop's panes."""
     high, wide = opening.shape
-    shop = int(at[0] * settings.place_step_m / (2 * settings.flat_width_m))  # windows of one shop side by side
+    shop = int(at[0] * PANES.place_step_m / (2 * PANES.flat_width_m))  # windows of one shop side by side
     level = (
-        _interpolate(settings.shop_light_range, random.per_wall(shop, 12))
-        if random.per_wall(shop, 11) < settings.lit_shop_share
-        else settings.closed_shop_light
+        _interpolate(PANES.shop_light_range, random.per_wall(shop, 12))
+        if random.per_wall(shop, 11) < PANES.lit_shop_share
+        else PANES.closed_shop_light
     )
     lamp = LAMP_COLOURS[
-        settings.shop_lamps[int(np.searchsorted(settings.shop_lamp_cumulative_shares, random.per_wall(shop, 13)))]
+        PANES.shop_lamps[int(np.searchsorted(PANES.shop_lamp_cumulative_shares, random.per_wall(shop, 13)))]
     ]
-    panes = _shop_pane_rows(high, settings)
+    panes = _shop_pane_rows(high)
     within = (panes.stop - panes.start, wide)
     shows = shop_interior_light(within, density, random.per_wall(shop, 14), lambda *what: random.per_wall(*at, *what))
     light = np.zeros((high, wide, 3), np.float32)
@@ -256,11 +244,7 @@ def _shop_light(
 
 
 def modulate_by_picture(
-    opening: FacadeOpening,
-    light: Float32Array,
-    grey: UInt8Array,
-    clear: BoolArray,
-    settings: PaneSettings = PANE_SETTINGS,
+    opening: FacadeOpening, light: Float32Array, grey: UInt8Array, clear: BoolArray
 ) -> Float32Array:
     """Modulate the light of an opening by the picture behind its panes.
 
@@ -270,7 +254,6 @@ def modulate_by_picture(
     light : (h, w, 3) light over the box of the opening.
     grey : (h, w) picture of the facade.
     clear : (h, w) bool glass in the box; its mean brightness is the reference.
-    settings : numbers of panes.
 
     Returns
     -------
@@ -279,7 +262,7 @@ def modulate_by_picture(
     if not clear.any():
         return light
     part = grey[opening.box].astype(np.float32)
-    share = settings.shop_picture_share if opening.label == FacadeClass.SHOP else settings.window_picture_share
+    share = PANES.shop_picture_share if opening.label == FacadeClass.SHOP else PANES.window_picture_share
     relative = np.clip(part / max(float(part[clear].mean()), 1.0), 0.2, 1.8)
     modulated: Float32Array = (light * (1 - share + share * relative)[..., None]).astype(np.float32)
     return modulated

@@ -31,7 +31,7 @@ class AlbedoSettings:
     max_albedo: int = 242
 
 
-ALBEDO_SETTINGS = AlbedoSettings()
+ALBEDO = AlbedoSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +58,7 @@ class HeightMapSettings:
     min_cavity_visibility: float = 0.55
 
 
-HEIGHT_MAP_SETTINGS = HeightMapSettings()
+HEIGHT_MAPS = HeightMapSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +113,7 @@ class ShopInteriorSettings:
     floor_light: float = 0.6
 
 
-SHOP_INTERIOR_SETTINGS = ShopInteriorSettings()
+SHOP_INTERIORS = ShopInteriorSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,4 +179,4 @@ class PaneSettings:
     blind_share: float = 0.15
 
 
-PANE_SETTINGS = PaneSettings()
+PANES = PaneSettings()

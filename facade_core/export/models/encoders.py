@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import InputError
 from facade_core.export.models.pages import encode_jpeg
-from facade_core.export.models.settings import ENCODER_SETTINGS, EncoderSettings
+from facade_core.export.models.settings import TEXTURE_ENCODERS
 
 # Memory of a texture with its mipmaps relative to the texture.
 MIPMAP_FACTOR = 4 / 3
@@ -52,24 +52,24 @@ def texture_encoder(name: str) -> TextureEncoder:
     return ENCODERS[name]
 
 
-def _webp(image: UInt8Array, settings: EncoderSettings = ENCODER_SETTINGS) -> bytes:
+def _webp(image: UInt8Array) -> bytes:
     from PIL import Image
 
     buffer = io.BytesIO()
-    Image.fromarray(image).save(buffer, "WEBP", quality=settings.webp_quality, method=4)
+    Image.fromarray(image).save(buffer, "WEBP", quality=TEXTURE_ENCODERS.webp_quality, method=4)
     return buffer.getvalue()
 
 
-def _jpeg_data(image: UInt8Array, settings: EncoderSettings = ENCODER_SETTINGS) -> bytes:
+def _jpeg_data(image: UInt8Array) -> bytes:
     """Encode without chroma subsampling, so that normals keep the resolution of their directions."""
     from PIL import Image
 
     buffer = io.BytesIO()
-    Image.fromarray(image).save(buffer, "JPEG", quality=settings.jpeg_data_quality, subsampling=0)
+    Image.fromarray(image).save(buffer, "JPEG", quality=TEXTURE_ENCODERS.jpeg_data_quality, subsampling=0)
     return buffer.getvalue()
 
 
-def _ktx2(image: UInt8Array, srgb: bool = True, settings: EncoderSettings = ENCODER_SETTINGS) -> bytes:
+def _ktx2(image: UInt8Array, srgb: bool = True) -> bytes:
     """Encode as ETC1S with mipmaps; the bytes do not depend on the number of threads."""
     import alktx2
     from PIL import Image
@@ -80,8 +80,8 @@ def _ktx2(image: UInt8Array, srgb: bool = True, settings: EncoderSettings = ENCO
         buffer.getvalue(),
         mime="image/png",
         codec="etc1s",
-        quality=settings.etc1s_quality,
-        effort=settings.etc1s_effort,
+        quality=TEXTURE_ENCODERS.etc1s_quality,
+        effort=TEXTURE_ENCODERS.etc1s_effort,
         srgb=srgb,
         mipmaps=True,
         mip_wrap=False,
@@ -92,13 +92,13 @@ def _ktx2(image: UInt8Array, srgb: bool = True, settings: EncoderSettings = ENCO
 
 # Graphics cards hold ETC1S as BC7, ETC2 or ASTC with at most a byte per texel, and the other formats as RGBA.
 ENCODERS = {
-    "jpeg": TextureEncoder("image/jpeg", None, 4.0, ENCODER_SETTINGS.max_view_mb, encode_jpeg, _jpeg_data),
-    "webp": TextureEncoder("image/webp", "EXT_texture_webp", 4.0, ENCODER_SETTINGS.max_view_mb, _webp, _webp),
+    "jpeg": TextureEncoder("image/jpeg", None, 4.0, TEXTURE_ENCODERS.max_view_mb, encode_jpeg, _jpeg_data),
+    "webp": TextureEncoder("image/webp", "EXT_texture_webp", 4.0, TEXTURE_ENCODERS.max_view_mb, _webp, _webp),
     "ktx2": TextureEncoder(
         "image/ktx2",
         "KHR_texture_basisu",
         1.0,
-        ENCODER_SETTINGS.max_ktx2_view_mb,
+        TEXTURE_ENCODERS.max_ktx2_view_mb,
         _ktx2,
         lambda image: _ktx2(image, srgb=False),
     ),

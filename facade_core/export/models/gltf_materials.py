@@ -9,7 +9,7 @@ from typing import Literal
 from facade_core.core.json_types import JsonObject
 from facade_core.export.models.encoders import ENCODERS, TextureEncoder
 from facade_core.export.models.pages import PageImages
-from facade_core.export.models.settings import MATERIAL_SETTINGS, MaterialSettings
+from facade_core.export.models.settings import GLTF_MATERIALS
 
 # Names of the variants.
 DAY = "day"
@@ -81,10 +81,7 @@ class GltfMaterials:
 
 
 def build_gltf_materials(
-    pages: Sequence[MaterialTextures],
-    encoder: TextureEncoder = ENCODERS["jpeg"],
-    time: TimeOfDay = "day",
-    settings: MaterialSettings = MATERIAL_SETTINGS,
+    pages: Sequence[MaterialTextures], encoder: TextureEncoder = ENCODERS["jpeg"], time: TimeOfDay = "day"
 ) -> GltfMaterials:
     """Build one glTF material per page for a time of day.
 
@@ -115,7 +112,7 @@ def build_gltf_materials(
             materials.append(by_day)
             continue
         name = f"page-{i}-{NIGHT}" if has_choice else f"page-{i}"
-        by_night = by_day | _emission(texture(page.emissive), settings) | {"name": name}
+        by_night = by_day | _emission(texture(page.emissive)) | {"name": name}
         used.append("KHR_materials_emissive_strength")
         shown = {DAY: by_day, NIGHT: by_night}
         materials.append(shown.pop(first))
@@ -145,11 +142,11 @@ def _day_material(name: str, page: MaterialTextures, texture: Callable[[bytes], 
     return material | {"normalTexture": texture(page.normal), "occlusionTexture": orm}
 
 
-def _emission(texture: dict[str, int], settings: MaterialSettings) -> JsonObject:
+def _emission(texture: dict[str, int]) -> JsonObject:
     return {
         "emissiveTexture": texture,
         "emissiveFactor": [1.0, 1.0, 1.0],
-        "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": settings.emissive_strength}},
+        "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": GLTF_MATERIALS.emissive_strength}},
     }
 
 

@@ -199,10 +199,10 @@ def downscale(image: NDArray[Texel], size: tuple[int, int]) -> NDArray[Texel]:
     return smaller.reshape(size[1], size[0], -1)
 
 
-def encode_jpeg(image: UInt8Array, quality: int = JPEG_QUALITY) -> bytes:
+def encode_jpeg(image: UInt8Array) -> bytes:
     """Encode an RGB image (h, w, 3) uint8 as JPEG."""
     from PIL import Image
 
     buffer = io.BytesIO()
-    Image.fromarray(image).save(buffer, "JPEG", quality=quality)
+    Image.fromarray(image).save(buffer, "JPEG", quality=JPEG_QUALITY)
     return buffer.getvalue()

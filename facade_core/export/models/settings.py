@@ -29,7 +29,7 @@ class EncoderSettings:
     max_ktx2_view_mb: float = 120.0
 
 
-ENCODER_SETTINGS = EncoderSettings()
+TEXTURE_ENCODERS = EncoderSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ class MeshSettings:
     max_cached_pages: int = 12
 
 
-MESH_SETTINGS = MeshSettings()
+TEXTURED_MESHES = MeshSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,4 +66,4 @@ class MaterialSettings:
     index_of_refraction: float = 1.5
 
 
-MATERIAL_SETTINGS = MaterialSettings()
+GLTF_MATERIALS = MaterialSettings()

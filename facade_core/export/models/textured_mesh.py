@@ -24,7 +24,7 @@ from facade_core.export.models.pages import (
     halve_layout,
     lay_out_shelves,
 )
-from facade_core.export.models.settings import MESH_SETTINGS, MeshSettings
+from facade_core.export.models.settings import TEXTURED_MESHES
 from facade_core.geometry.charts import Charts, Mesh
 from facade_core.geometry.scene import Scene
 
@@ -121,29 +121,25 @@ def triangle_areas(mesh: Mesh) -> Float64Array:
     return areas
 
 
-def build_textured_mesh(
-    scene: Scene, read_page: Callable[[int], UInt8Array], settings: MeshSettings = MESH_SETTINGS
-) -> TexturedMesh:
+def build_textured_mesh(scene: Scene, read_page: Callable[[int], UInt8Array]) -> TexturedMesh:
     """Build the textured mesh of a block from its atlas pages.
 
     Parameters
     ----------
     scene : scene with the placement of its charts.
     read_page : returns an atlas page (h, w, 3) uint8; the last pages are cached.
-    settings : numbers of meshes.
     """
-    held = lru_cache(maxsize=settings.max_cached_pages)(read_page)
+    held = lru_cache(maxsize=TEXTURED_MESHES.max_cached_pages)(read_page)
     placement, mesh = scene.placement, scene.mesh
 
     def raster(chart: int) -> UInt8Array:
-        y, x = int(placement.y[chart]), int(placement.x[chart])
-        page = held(int(placement.page[chart]))
-        return page[y : y + int(placement.height[chart]), x : x + int(placement.width[chart])]
+        page, rows, columns = placement.region(chart)
+        return held(page)[rows, columns]
 
     texels = np.column_stack([placement.width, placement.height]).astype(np.int64)
     return TexturedMesh(
         scene.charts,
-        filter_triangles(mesh, triangle_areas(mesh) > settings.min_triangle_m2),
+        filter_triangles(mesh, triangle_areas(mesh) > TEXTURED_MESHES.min_triangle_m2),
         texels / placement.texels_per_metre[:, None],
         texels,
         raster,

@@ -15,7 +15,7 @@ from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
 from facade_core.export.models.glb import GltfNode
 from facade_core.export.models.gltf_materials import DAY, NIGHT
-from facade_core.export.models.settings import MATERIAL_SETTINGS, MaterialSettings
+from facade_core.export.models.settings import GLTF_MATERIALS
 
 if TYPE_CHECKING:
     from pxr.Usd import Prim, Stage
@@ -88,7 +88,6 @@ def write_usd_building(
     pages: Sequence[TextureAssetPaths],
     custom_data: Mapping[str, object],
     time: str | None = None,
-    settings: MaterialSettings = MATERIAL_SETTINGS,
 ) -> None:
     """Write the stage of one building: its meshes by page with their materials.
 
@@ -99,7 +98,6 @@ def write_usd_building(
     pages : textures by page.
     custom_data : customData of the prim; values of None are left out.
     time : selected variant, DAY or NIGHT; None without variants.
-    settings : numbers of materials.
     """
     import_usd_library()
     from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdShade, Vt
@@ -114,9 +112,7 @@ def write_usd_building(
         if value is not None:
             prim.SetCustomDataByKey(f"{NAMESPACE}:{key}", value)
     for primitive in node.primitives:
-        material = _define_material(
-            stage, f"/{name}/Looks/page_{primitive.material}", pages[primitive.material], settings
-        )
+        material = _define_material(stage, f"/{name}/Looks/page_{primitive.material}", pages[primitive.material])
         mesh = UsdGeom.Mesh.Define(stage, f"/{name}/page_{primitive.material}")
         points = primitive.position.astype(np.float32)
         mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points))
@@ -133,7 +129,7 @@ def write_usd_building(
         place.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(uv)))
         UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(material)
     if time:
-        _add_time_variants(prim, time, {NIGHT: lambda: _connect_emissive(stage, name, node, pages, settings)})
+        _add_time_variants(prim, time, {NIGHT: lambda: _connect_emissive(stage, name, node, pages)})
     stage.GetRootLayer().Save()
 
 
@@ -248,7 +244,7 @@ def _add_time_variants(prim: Prim, first: str, edits: Mapping[str, Callable[[], 
     variants.SetVariantSelection(first)
 
 
-def _define_material(stage: Stage, path: str, page: TextureAssetPaths, settings: MaterialSettings) -> Material:
+def _define_material(stage: Stage, path: str, page: TextureAssetPaths) -> Material:
     """Define a UsdPreviewSurface with the textures of a page."""
     from pxr import Sdf, UsdShade
 
@@ -268,17 +264,15 @@ def _define_material(stage: Stage, path: str, page: TextureAssetPaths, settings:
         for channel, name in zip("rgb", ("occlusion", "roughness", "metallic"), strict=True):
             surface.CreateInput(name, kinds.Float).ConnectToSource(orm.CreateOutput(channel, kinds.Float))
     else:
-        surface.CreateInput("roughness", kinds.Float).Set(settings.default_roughness)
+        surface.CreateInput("roughness", kinds.Float).Set(GLTF_MATERIALS.default_roughness)
         surface.CreateInput("metallic", kinds.Float).Set(0.0)
-    surface.CreateInput("ior", kinds.Float).Set(settings.index_of_refraction)
+    surface.CreateInput("ior", kinds.Float).Set(GLTF_MATERIALS.index_of_refraction)
     out = surface.CreateOutput("surface", kinds.Token)
     material.CreateSurfaceOutput().ConnectToSource(out)
     return material
 
 
-def _connect_emissive(
-    stage: Stage, name: str, node: GltfNode, pages: Sequence[TextureAssetPaths], settings: MaterialSettings
-) -> None:
+def _connect_emissive(stage: Stage, name: str, node: GltfNode, pages: Sequence[TextureAssetPaths]) -> None:
     """Connect the emissive textures of a building."""
     from pxr import Sdf, UsdShade
 
@@ -286,7 +280,9 @@ def _connect_emissive(
         path, emissive = f"/{name}/Looks/page_{primitive.material}", pages[primitive.material].emissive
         if emissive:
             place = UsdShade.Shader.Get(stage, f"{path}/st").GetOutput("result")
-            texture = _define_texture(stage, f"{path}/glow", emissive, place, "sRGB", scale=settings.emissive_strength)
+            texture = _define_texture(
+                stage, f"{path}/glow", emissive, place, "sRGB", scale=GLTF_MATERIALS.emissive_strength
+            )
             surface = UsdShade.Shader.Get(stage, f"{path}/surface")
             lit = surface.CreateInput("emissiveColor", Sdf.ValueTypeNames.Color3f)
             lit.ConnectToSource(texture.CreateOutput("rgb", Sdf.ValueTypeNames.Float3))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array
-from facade_core.export.pictures.settings import CAMERA_SETTINGS, CameraSettings
+from facade_core.export.pictures.settings import VIEW_CAMERAS
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
@@ -97,9 +97,7 @@ class PerspectiveCamera:
         return forward, right, np.cross(forward, right), float(focal)
 
 
-def aerial_camera(
-    scene: Scene, size: tuple[int, int], worth: Float64Array | None = None, settings: CameraSettings = CAMERA_SETTINGS
-) -> PerspectiveCamera:
+def aerial_camera(scene: Scene, size: tuple[int, int], worth: Float64Array | None = None) -> PerspectiveCamera:
     """Build an oblique aerial camera with all buildings in view.
 
     Parameters
@@ -107,7 +105,6 @@ def aerial_camera(
     scene : scene of the block.
     size : height and width, pixels.
     worth : (charts,) worth per area; the side with most of it is chosen, by default the south-west.
-    settings : numbers of cameras.
     """
     built = scene.charts.building[scene.mesh.vertex_chart] >= 0
     points = scene.mesh.vertices[built] if built.any() else scene.mesh.vertices
@@ -120,7 +117,7 @@ def aerial_camera(
     right /= np.linalg.norm(right)
     up = np.cross(away, right)
     field_of_view = 38.0
-    half_width = np.tan(np.radians(field_of_view) / 2) / settings.aerial_margin
+    half_width = np.tan(np.radians(field_of_view) / 2) / VIEW_CAMERAS.aerial_margin
     half_height = half_width * size[0] / size[1]
     for _ in range(8):  # the nearer side spreads more, so the middle of the picture is found by steps
         relative = points - target
@@ -144,11 +141,7 @@ def _visible_worth(scene: Scene, side: Float64Array, worth: Float64Array) -> flo
 
 
 def street_camera(
-    scene: Scene,
-    viewpoints: Sequence[Viewpoint],
-    size: tuple[int, int],
-    worth: Float64Array,
-    settings: CameraSettings = CAMERA_SETTINGS,
+    scene: Scene, viewpoints: Sequence[Viewpoint], size: tuple[int, int], worth: Float64Array
 ) -> PerspectiveCamera:
     """Build the camera of a pedestrian who looks at one side of a street.
 
@@ -158,41 +151,34 @@ def street_camera(
     viewpoints : candidate positions.
     size : height and width, pixels.
     worth : (charts,) worth; the viewpoint and direction with most of it are chosen.
-    settings : numbers of cameras.
     """
     rows, columns = (
-        slice(settings.search_width_px // 8, settings.search_width_px // 4),
-        slice(settings.search_width_px * 3 // 8, settings.search_width_px * 5 // 8),
+        slice(VIEW_CAMERAS.search_width_px // 8, VIEW_CAMERAS.search_width_px // 4),
+        slice(VIEW_CAMERAS.search_width_px * 3 // 8, VIEW_CAMERAS.search_width_px * 5 // 8),
     )
     best, found = -1.0, (viewpoints[0], 0.0)
     for viewpoint in viewpoints:
-        _, depth, chart = scene.cast_panorama(viewpoint, settings.search_width_px)
-        value = np.where(chart >= 0, worth[chart] * np.clip(depth / settings.full_worth_distance_m, 0.0, 1.0), 0.0)
+        _, depth, chart = scene.cast_panorama(viewpoint, VIEW_CAMERAS.search_width_px)
+        value = np.where(chart >= 0, worth[chart] * np.clip(depth / VIEW_CAMERAS.full_worth_distance_m, 0.0, 1.0), 0.0)
         for along in (0, 180):
-            middle = settings.search_width_px // 2 - round(along / 360 * settings.search_width_px)
-            end = depth[settings.search_width_px // 4 - 1, (middle - 1, middle)].min()
-            for turn in (along - settings.street_yaw_deg, along + settings.street_yaw_deg):
-                shown = np.roll(value, -round(turn / 360 * settings.search_width_px), axis=1)
-                if (score := float(shown[rows, columns].mean() * min(1.0, end / settings.open_street_m))) > best:
+            middle = VIEW_CAMERAS.search_width_px // 2 - round(along / 360 * VIEW_CAMERAS.search_width_px)
+            end = depth[VIEW_CAMERAS.search_width_px // 4 - 1, (middle - 1, middle)].min()
+            for turn in (along - VIEW_CAMERAS.street_yaw_deg, along + VIEW_CAMERAS.street_yaw_deg):
+                shown = np.roll(value, -round(turn / 360 * VIEW_CAMERAS.search_width_px), axis=1)
+                if (score := float(shown[rows, columns].mean() * min(1.0, end / VIEW_CAMERAS.open_street_m))) > best:
                     best, found = score, (viewpoint, turn)
     viewpoint, turn = found
     heading = float(np.degrees(np.arctan2(*viewpoint.forward))) + turn
     return PerspectiveCamera.from_heading(
-        lower_to_eye_height(scene, viewpoint.position, settings),
+        lower_to_eye_height(scene, viewpoint.position),
         heading=heading,
-        pitch=settings.street_pitch_deg,
+        pitch=VIEW_CAMERAS.street_pitch_deg,
         field_of_view=75.0,
         size=size,
     )
 
 
-def close_up_camera(
-    scene: Scene,
-    facades: Int32Array,
-    size: tuple[int, int],
-    worth: Float64Array,
-    settings: CameraSettings = CAMERA_SETTINGS,
-) -> PerspectiveCamera:
+def close_up_camera(scene: Scene, facades: Int32Array, size: tuple[int, int], worth: Float64Array) -> PerspectiveCamera:
     """Build an oblique camera at the foot of the facade with the highest worth and no occluder.
 
     Parameters
@@ -201,25 +187,24 @@ def close_up_camera(
     facades : (n,) charts, at least one.
     size : height and width, pixels.
     worth : (charts,) worth per area.
-    settings : numbers of cameras.
     """
     charts = scene.charts
     order = facades[np.argsort(-worth[facades] * charts.size[facades].prod(axis=1), kind="stable")][
-        : settings.max_close_ups_tried
+        : VIEW_CAMERAS.max_close_ups_tried
     ]
     found = None
     for chart in order.tolist():
         width, height = charts.size[chart]
         foot = charts.points(chart, np.array([width / 2]), np.array([height]))[0]
-        looked_at = foot + np.array([0.0, 0.0, min(settings.close_up_target_m, height / 2)])
-        for aside in (settings.close_up_offset_m, -settings.close_up_offset_m):
+        looked_at = foot + np.array([0.0, 0.0, min(VIEW_CAMERAS.close_up_target_m, height / 2)])
+        for aside in (VIEW_CAMERAS.close_up_offset_m, -VIEW_CAMERAS.close_up_offset_m):
             place = (
                 foot
-                + settings.close_up_distance_m * charts.normals()[chart]
+                + VIEW_CAMERAS.close_up_distance_m * charts.normals()[chart]
                 + aside * charts.axis_u[chart]
                 + [0.0, 0.0, 3.0]
             )
-            camera = PerspectiveCamera(lower_to_eye_height(scene, place, settings), looked_at, 62.0, size)
+            camera = PerspectiveCamera(lower_to_eye_height(scene, place), looked_at, 62.0, size)
             found = found or camera
             _, hit = scene.caster.cast(camera.position, (looked_at - camera.position)[None])
             if hit[0] == chart:
@@ -228,7 +213,7 @@ def close_up_camera(
     return found
 
 
-def lower_to_eye_height(scene: Scene, place: Float64Array, settings: CameraSettings = CAMERA_SETTINGS) -> Float64Array:
+def lower_to_eye_height(scene: Scene, place: Float64Array) -> Float64Array:
     """Lower a position (3,) to the height of a pedestrian's eyes above the ground below; unchanged without ground."""
     depth, chart = scene.caster.cast(place, np.array([[0.0, 0.0, -1.0]]))
-    return place if chart[0] == MISS else place - [0.0, 0.0, float(depth[0]) - settings.eye_height_m]
+    return place if chart[0] == MISS else place - [0.0, 0.0, float(depth[0]) - VIEW_CAMERAS.eye_height_m]

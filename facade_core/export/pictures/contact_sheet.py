@@ -7,18 +7,15 @@ from collections.abc import Iterator, Sequence
 
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.resizing import resize_image
-from facade_core.export.pictures.settings import CONTACT_SHEET_SETTINGS, ContactSheetSettings
+from facade_core.export.pictures.settings import CONTACT_SHEETS
 
 
-def draw_contact_sheets(
-    entries: Sequence[tuple[UInt8Array, str]], settings: ContactSheetSettings = CONTACT_SHEET_SETTINGS
-) -> Iterator[UInt8Array]:
+def draw_contact_sheets(entries: Sequence[tuple[UInt8Array, str]]) -> Iterator[UInt8Array]:
     """Draw pictures with their texts, some rows on a page.
 
     Parameters
     ----------
     entries : pictures (h, w, 3) uint8, each with its text.
-    settings : sizes on a page.
 
     Returns
     -------
@@ -27,24 +24,28 @@ def draw_contact_sheets(
     import numpy as np
     from PIL import Image, ImageDraw
 
-    cell_height = settings.picture_size_px[0] + settings.text_lines * settings.line_px + settings.gap_px
-    cell_width = settings.picture_size_px[1] + settings.gap_px
-    for first in range(0, len(entries), settings.columns * settings.rows):
-        page_entries = entries[first : first + settings.columns * settings.rows]
-        rows = -(-len(page_entries) // settings.columns)
-        page = Image.new("RGB", (settings.columns * cell_width, rows * cell_height), "white")
+    cell_height = (
+        CONTACT_SHEETS.picture_size_px[0] + CONTACT_SHEETS.text_lines * CONTACT_SHEETS.line_px + CONTACT_SHEETS.gap_px
+    )
+    cell_width = CONTACT_SHEETS.picture_size_px[1] + CONTACT_SHEETS.gap_px
+    for first in range(0, len(entries), CONTACT_SHEETS.columns * CONTACT_SHEETS.rows):
+        page_entries = entries[first : first + CONTACT_SHEETS.columns * CONTACT_SHEETS.rows]
+        rows = -(-len(page_entries) // CONTACT_SHEETS.columns)
+        page = Image.new("RGB", (CONTACT_SHEETS.columns * cell_width, rows * cell_height), "white")
         pen = ImageDraw.Draw(page)
         for place, (picture, text) in enumerate(page_entries):
-            row, column = divmod(place, settings.columns)
+            row, column = divmod(place, CONTACT_SHEETS.columns)
             left, top = column * cell_width, row * cell_height
             factor = min(
-                1.0, settings.picture_size_px[0] / picture.shape[0], settings.picture_size_px[1] / picture.shape[1]
+                1.0,
+                CONTACT_SHEETS.picture_size_px[0] / picture.shape[0],
+                CONTACT_SHEETS.picture_size_px[1] / picture.shape[1],
             )
             size = max(1, round(picture.shape[0] * factor)), max(1, round(picture.shape[1] * factor))
             page.paste(Image.fromarray(resize_image(picture, size)), (left, top))
-            lines = [part for line in text.splitlines() for part in textwrap.wrap(line, settings.line_letters)][
-                : settings.text_lines
+            lines = [part for line in text.splitlines() for part in textwrap.wrap(line, CONTACT_SHEETS.line_letters)][
+                : CONTACT_SHEETS.text_lines
             ]
             for number, line in enumerate(lines):
-                pen.text((left, top + size[0] + 2 + number * settings.line_px), line, fill="black")
+                pen.text((left, top + size[0] + 2 + number * CONTACT_SHEETS.line_px), line, fill="black")
         yield np.asarray(page)

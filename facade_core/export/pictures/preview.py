@@ -8,19 +8,14 @@ import numpy as np
 
 from facade_core.core.arrays import Float64Array, UInt8Array
 from facade_core.export.pictures.rendering import PictureInProgress, average_samples
-from facade_core.export.pictures.settings import VIEW_SETTINGS, ViewSettings
+from facade_core.export.pictures.settings import BLOCK_VIEWS
 from facade_core.street.materials.field import MaterialField
 
 # Lower bound of the cosine of incidence, for footprints near the horizon.
 MIN_VIEW_COSINE = 0.02
 
 
-def draw_preview(
-    picture: PictureInProgress,
-    materials: MaterialField,
-    facades: Mapping[int, UInt8Array],
-    settings: ViewSettings = VIEW_SETTINGS,
-) -> UInt8Array:
+def draw_preview(picture: PictureInProgress, materials: MaterialField, facades: Mapping[int, UInt8Array]) -> UInt8Array:
     """Draw the materials of all that a picture shows, and some facades over them, (h, w, 3) uint8.
 
     Parameters
@@ -28,7 +23,6 @@ def draw_preview(
     picture : cast view of `samples_per_pixel_side`.
     materials : material field of the block.
     facades : raster (h, w, 3) by chart; it may be coarser than the atlas.
-    settings : numbers of views.
     """
     rays = picture.camera.rays().reshape(-1, 3)[picture.pixel] * picture.depth[:, None]
     focal = picture.camera.axes()[3]
@@ -36,7 +30,7 @@ def draw_preview(
     flat = picture.rgb.reshape(-1, 3)
     flat[picture.pixel] = materials.colour(picture.chart, picture.camera.position + rays, covered)
     picture.paint(facades)
-    return average_samples(picture.apply_haze(), settings.samples_per_pixel_side)
+    return average_samples(picture.apply_haze(), BLOCK_VIEWS.samples_per_pixel_side)
 
 
 def pixel_footprint(ray: Float64Array, normal: Float64Array, width: int) -> Float64Array:

@@ -15,7 +15,7 @@ from facade_core.core.labels import CLASSES, COLOURS, colourise
 from facade_core.core.types import Lattice
 from facade_core.export.pictures import filtering
 from facade_core.export.pictures.camera import PerspectiveCamera
-from facade_core.export.pictures.settings import DRAWING_SETTINGS, DrawingSettings
+from facade_core.export.pictures.settings import DRAWINGS
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.settings import SKY_LOOK
@@ -269,9 +269,7 @@ def draw_parse(label_map: UInt8Array, lattice: Lattice) -> UInt8Array:
     return drawn
 
 
-def draw_layout(
-    image: UInt8Array, hidden: BoolArray, elements: Sequence[ElementRow], settings: DrawingSettings = DRAWING_SETTINGS
-) -> UInt8Array:
+def draw_layout(image: UInt8Array, hidden: BoolArray, elements: Sequence[ElementRow]) -> UInt8Array:
     """Draw elements over a texture: outlined where seen, filled where the completion placed them.
 
     Parameters
@@ -279,17 +277,16 @@ def draw_layout(
     image : (h, w, 3) texture; enlarged by a whole number.
     hidden : (h, w) bool, occluders.
     elements : rows of label, x0, y0, x1, y1 in texels, and confidence.
-    settings : numbers of drawings.
     """
     import cv2
 
-    times = max(1, -(-settings.min_layout_height_px // image.shape[0]))
+    times = max(1, -(-DRAWINGS.min_layout_height_px // image.shape[0]))
     drawn = np.repeat(np.repeat(image, times, axis=0), times, axis=1)
     for name, *box, _ in elements:
         x0, y0, x1, y1 = (round(value) for value in box)
         colour = COLOURS[CLASSES.index(name)] if name in CLASSES else np.full(3, 128, np.uint8)
         part = hidden[max(0, y0) : y1, max(0, x0) : x1]
-        if part.size and part.mean() > settings.min_completed_share:
+        if part.size and part.mean() > DRAWINGS.min_completed_share:
             area = drawn[max(0, y0) * times : y1 * times, max(0, x0) * times : x1 * times]
             area[:] = (0.45 * area + 0.55 * colour).astype(np.uint8)
         cv2.rectangle(drawn, (x0 * times, y0 * times), (x1 * times - 1, y1 * times - 1), colour.tolist(), 2)

@@ -38,7 +38,7 @@ class CameraSettings:
     max_close_ups_tried: int = 12
 
 
-CAMERA_SETTINGS = CameraSettings()
+VIEW_CAMERAS = CameraSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +65,7 @@ class ContactSheetSettings:
     gap_px: int = 10
 
 
-CONTACT_SHEET_SETTINGS = ContactSheetSettings()
+CONTACT_SHEETS = ContactSheetSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +86,7 @@ class DrawingSettings:
     min_layout_height_px: int = 480
 
 
-DRAWING_SETTINGS = DrawingSettings()
+DRAWINGS = DrawingSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,4 +111,4 @@ class ViewSettings:
     max_viewpoints_tried: int = 24
 
 
-VIEW_SETTINGS = ViewSettings()
+BLOCK_VIEWS = ViewSettings()

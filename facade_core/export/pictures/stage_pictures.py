@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from facade_core.atlas.journal import Record
 from facade_core.atlas.rasters import read_chart_raster
 from facade_core.atlas.stored_files import read_stored_file
 from facade_core.core.arrays import AnyArray, BoolArray, UInt8Array
@@ -19,7 +18,8 @@ from facade_core.core.labels import colourise
 from facade_core.core.types import Lattice
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.export.pictures.occlusion_overlay import overlay_occlusion
-from facade_core.export.pictures.rendering import ElementRow, draw_layout, draw_parse
+from facade_core.export.pictures.rendering import draw_layout, draw_parse
+from facade_core.facade.stored_record import StoredFacadeRecord
 from facade_core.facade.variation.hierarchy import Hierarchy
 from facade_core.facade.variation.level_drawing import draw_level
 from facade_core.geometry.chart_packing import ChartPlacements
@@ -50,35 +50,6 @@ class StagePicture:
     draw: Callable[[], UInt8Array]
     viewer: StageTitle | None = None
     report: StageTitle | None = None
-
-
-class StoredFacadeRecord(Record, total=False):
-    """Fields of a facade's record that its pictures are drawn from.
-
-    Attributes
-    ----------
-    source : picture or exemplar that the facade is made from.
-    lattice : rows and columns, texels.
-    elements : elements of the layout.
-    provenance : share of texels of each provenance.
-    cut_kept : share of the rectified picture that was cut out.
-    cut_found : whether a facade was found there.
-    cut_notes : what of the photo was left out, in words.
-    variation_levels : levels of the variation hierarchy.
-    variation_file : stored file of the variations.
-    variation_digest : its digest.
-    """
-
-    source: str
-    lattice: dict[str, list[int]]
-    elements: list[ElementRow]
-    provenance: list[float]
-    cut_kept: float
-    cut_found: bool
-    cut_notes: list[str]
-    variation_levels: int
-    variation_file: str
-    variation_digest: str
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float64Array, IntArray, UInt8Array
 from facade_core.export.models.textured_mesh import TexturedMesh
-from facade_core.export.tiles.settings import SHELL_SETTINGS, ShellSettings
+from facade_core.export.tiles.settings import FAR_SHELLS
 from facade_core.geometry.charts import ChartKind, Charts, Mesh
 from facade_core.geometry.raycast import MISS, RayCaster
 
@@ -35,7 +35,6 @@ def bake_rasters(
     shells: ShellRasters,
     baked_charts: IntArray,
     rasters: Sequence[Callable[[int], UInt8Array]],
-    settings: ShellSettings = SHELL_SETTINGS,
 ) -> list[dict[int, UInt8Array]]:
     """Bake rasters of a building on the charts of its shell.
 
@@ -48,7 +47,6 @@ def bake_rasters(
     shells : rasters of all shells.
     baked_charts : (k,) charts of this building's shell.
     rasters : layers to bake; each returns the raster of a source chart at any size.
-    settings : numbers of shells.
 
     Returns
     -------
@@ -65,36 +63,31 @@ def bake_rasters(
     shown: list[dict[int, tuple[UInt8Array, BoolArray]]] = [{} for _ in rasters]
     for chart in baked_charts.tolist():
         width, height = texels[chart].tolist()
-        x = (np.arange(width * settings.samples_per_texel) + 0.5) / settings.samples_per_texel / density
-        y = (np.arange(height * settings.samples_per_texel) + 0.5) / settings.samples_per_texel / density
+        x = (np.arange(width * FAR_SHELLS.samples_per_texel) + 0.5) / FAR_SHELLS.samples_per_texel / density
+        y = (np.arange(height * FAR_SHELLS.samples_per_texel) + 0.5) / FAR_SHELLS.samples_per_texel / density
         # the edge of a shell, and its last texel, may exceed the building: a ray there would miss it
         x, y = (
-            np.clip(v, settings.min_edge_distance_m, side - settings.min_edge_distance_m)
+            np.clip(v, FAR_SHELLS.min_edge_distance_m, side - FAR_SHELLS.min_edge_distance_m)
             for v, side in zip((x, y), charts.size[chart], strict=True)
         )
         points = charts.points(chart, x[None], y[:, None])
         wall = charts.kind[chart] == ChartKind.WALL
-        before = settings.ray_start_m if wall else highest - charts.origin[chart, 2] + 1.0
+        before = FAR_SHELLS.ray_start_m if wall else highest - charts.origin[chart, 2] + 1.0
         ahead = -normals[chart]
         origins = points - before * ahead
         depth, hit = caster.cast(origins, np.broadcast_to(ahead, points.shape))
-        found = (hit != MISS) & (depth < (before + settings.max_ray_behind_m if wall else np.inf))
+        found = (hit != MISS) & (depth < (before + FAR_SHELLS.max_ray_behind_m if wall else np.inf))
         for baked, raster in zip(shown, rasters, strict=True):
             colour = np.zeros((*hit.shape, 3), np.uint8)
             colour[found] = _sample_colours(source, hit[found], origins[found] + depth[found][:, None] * ahead, raster)
             baked[chart] = colour, found
-    return [_complete_rasters(baked, settings) for baked in shown]
+    return [_complete_rasters(baked) for baked in shown]
 
 
-def _complete_rasters(
-    shown: Mapping[int, tuple[UInt8Array, BoolArray]], settings: ShellSettings
-) -> dict[int, UInt8Array]:
+def _complete_rasters(shown: Mapping[int, tuple[UInt8Array, BoolArray]]) -> dict[int, UInt8Array]:
     seen = [colour[found] for colour, found in shown.values() if found.any()]
     mean = np.concatenate(seen).mean(axis=0) if seen else np.full(3, 128.0)
-    return {
-        chart: _average_samples(_fill_missing(colour, found, mean), settings)
-        for chart, (colour, found) in shown.items()
-    }
+    return {chart: _average_samples(_fill_missing(colour, found, mean)) for chart, (colour, found) in shown.items()}
 
 
 def _sample_colours(
@@ -123,13 +116,13 @@ def _fill_missing(colour: UInt8Array, found: BoolArray, mean: Float64Array) -> U
     return filled
 
 
-def _average_samples(colour: UInt8Array, settings: ShellSettings) -> UInt8Array:
+def _average_samples(colour: UInt8Array) -> UInt8Array:
     height, width, _ = colour.shape
     cells = colour.reshape(
-        height // settings.samples_per_texel,
-        settings.samples_per_texel,
-        width // settings.samples_per_texel,
-        settings.samples_per_texel,
+        height // FAR_SHELLS.samples_per_texel,
+        FAR_SHELLS.samples_per_texel,
+        width // FAR_SHELLS.samples_per_texel,
+        FAR_SHELLS.samples_per_texel,
         3,
     )
     averaged: UInt8Array = cells.mean(axis=(1, 3)).round().astype(np.uint8)

@@ -10,7 +10,7 @@ import numpy as np
 from facade_core.core.arrays import Float64Array, Int64Array, IntArray
 from facade_core.export.models.textured_mesh import TexturedMesh
 from facade_core.export.tiles.quadtree import collect_members, quadrant_corner, split_quadrants
-from facade_core.export.tiles.settings import CELL_SETTINGS, CellSettings
+from facade_core.export.tiles.settings import TILE_CELLS, CellSettings
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class QuadtreeCell:
             yield from child.leaves()
 
 
-def build_quadtree(source: TexturedMesh, settings: CellSettings = CELL_SETTINGS) -> QuadtreeCell:
+def build_quadtree(source: TexturedMesh, settings: CellSettings = TILE_CELLS) -> QuadtreeCell:
     """Divide a block until the texels of a cell fit a tile or it holds one building.
 
     Quadrants of a cell that fit a tile together become one child.

@@ -15,7 +15,7 @@ from facade_core.export.bodies.footprints import building_footprint
 from facade_core.export.models.pages import PbrMaps, downscale
 from facade_core.export.models.textured_mesh import TexturedMesh, triangle_areas
 from facade_core.export.tiles.baking import ShellRasters, bake_rasters
-from facade_core.export.tiles.settings import SHELL_SETTINGS, ShellSettings
+from facade_core.export.tiles.settings import FAR_SHELLS
 from facade_core.geometry.charts import ChartBuilder, ChartKind, Charts, Mesh, SurfaceTarget
 from facade_core.geometry.ground.ground_charts import add_horizontal_surface, add_planar_chart
 
@@ -44,10 +44,7 @@ class BuildingShells:
 
 
 def build_shells(
-    source: TexturedMesh,
-    density: float,
-    on_progress: Callable[[], None] = lambda: None,
-    settings: ShellSettings = SHELL_SETTINGS,
+    source: TexturedMesh, density: float, on_progress: Callable[[], None] = lambda: None
 ) -> BuildingShells:
     """Build a shell for every building.
 
@@ -56,7 +53,6 @@ def build_shells(
     source : textured mesh of the block.
     density : texels per metre of the shells.
     on_progress : called after each building.
-    settings : numbers of shells.
     """
     pieces, kept = ChartBuilder(), []
     off: dict[int, float] = {}
@@ -64,7 +60,7 @@ def build_shells(
     for building, mine in triangles.items():
         if building < 0:
             continue
-        body = _shell_outlines(source, mine, settings)
+        body = _shell_outlines(source, mine)
         if body is None:
             kept.append(building)
             on_progress()
@@ -78,7 +74,7 @@ def build_shells(
     looks = _baked_layers(source)
     rasters: list[dict[int, UInt8Array]] = [{} for _ in looks]
     for building, mine in group_rows(charts.building).items():
-        layers = bake_rasters(source, triangles[building], ShellRasters(charts, texels, density), mine, looks, settings)
+        layers = bake_rasters(source, triangles[building], ShellRasters(charts, texels, density), mine, looks)
         for own, baked in zip(rasters, layers, strict=True):
             own |= baked
         on_progress()
@@ -106,9 +102,7 @@ def _flat_maps(emissive: UInt8Array) -> PbrMaps:
     return PbrMaps(flat, matt, small if small.any() else None)
 
 
-def _shell_outlines(
-    source: TexturedMesh, triangles: IntArray, settings: ShellSettings
-) -> tuple[list[Polygon], float, float, float] | None:
+def _shell_outlines(source: TexturedMesh, triangles: IntArray) -> tuple[list[Polygon], float, float, float] | None:
     """Return outlines, base and top of a shell and its deviation from the roofs; None if that is too large."""
     mesh = source.mesh
     roof = triangles[source.charts.kind[mesh.chart[triangles]] == ChartKind.ROOF]
@@ -116,24 +110,24 @@ def _shell_outlines(
         return None
     corners = mesh.vertices[mesh.triangles[roof]]
     covered = shapely.union_all(
-        shapely.buffer(building_footprint(source, triangles), settings.gap_closing_m, join_style="mitre")
+        shapely.buffer(building_footprint(source, triangles), FAR_SHELLS.gap_closing_m, join_style="mitre")
     )
     outlines = [
-        shapely.orient_polygons(_without_small_courtyards(part, settings))
-        for part in shapely.get_parts(shapely.simplify(covered, settings.outline_tolerance_m))
-        if part.area > settings.outline_tolerance_m**2
+        shapely.orient_polygons(_without_small_courtyards(part))
+        for part in shapely.get_parts(shapely.simplify(covered, FAR_SHELLS.outline_tolerance_m))
+        if part.area > FAR_SHELLS.outline_tolerance_m**2
     ]
     heights = corners[..., 2].mean(axis=1)
     order = np.argsort(heights)
     areas = triangle_areas(mesh)[roof]
     area = np.cumsum(areas[order])
-    top = float(heights[order][np.searchsorted(area, settings.roof_share * area[-1])])
+    top = float(heights[order][np.searchsorted(area, FAR_SHELLS.roof_share * area[-1])])
     base = float(mesh.vertices[mesh.triangles[triangles], 2].min())
     off = np.abs(corners[..., 2] - top).max(axis=1)
-    apart = max(float(off[areas > settings.min_roof_triangle_m2].max(initial=0.0)), settings.outline_tolerance_m)
+    apart = max(float(off[areas > FAR_SHELLS.min_roof_triangle_m2].max(initial=0.0)), FAR_SHELLS.outline_tolerance_m)
     if (
-        apart > settings.max_deviation_m
-        or top - base < settings.outline_tolerance_m
+        apart > FAR_SHELLS.max_deviation_m
+        or top - base < FAR_SHELLS.outline_tolerance_m
         or not outlines
         or not all(o.is_valid for o in outlines)
     ):
@@ -141,8 +135,8 @@ def _shell_outlines(
     return outlines, base, top, apart
 
 
-def _without_small_courtyards(outline: Polygon, settings: ShellSettings) -> Polygon:
-    return Polygon(outline.exterior, [r for r in outline.interiors if Polygon(r).area > settings.min_courtyard_m2])
+def _without_small_courtyards(outline: Polygon) -> Polygon:
+    return Polygon(outline.exterior, [r for r in outline.interiors if Polygon(r).area > FAR_SHELLS.min_courtyard_m2])
 
 
 def _extrude(pieces: ChartBuilder, building: int, outline: Polygon, base: float, top: float) -> None:

@@ -17,12 +17,12 @@ from facade_core.export.models.textured_mesh import (
     encode_pages,
     pack_charts_on_pages,
 )
-from facade_core.export.tiles.settings import OVERVIEW_SETTINGS, OverviewSettings
+from facade_core.export.tiles.settings import OVERVIEW_MODEL, OverviewSettings
 
 OVERVIEW_NODE = "overview"
 
 
-def select_overview_charts(source: TexturedMesh, settings: OverviewSettings = OVERVIEW_SETTINGS) -> Int64Array:
+def select_overview_charts(source: TexturedMesh, settings: OverviewSettings = OVERVIEW_MODEL) -> Int64Array:
     """Select the largest charts whose geometry fits an overview, ascending."""
     mesh, count = source.mesh, len(source.charts)
     vertices = np.bincount(mesh.vertex_chart[np.unique(mesh.triangles)], minlength=count)
@@ -33,7 +33,7 @@ def select_overview_charts(source: TexturedMesh, settings: OverviewSettings = OV
     return np.sort(order[takes <= settings.max_geometry_share * settings.max_overview_bytes])
 
 
-def overview_scale(texels: Int64Array, settings: OverviewSettings = OVERVIEW_SETTINGS) -> float:
+def overview_scale(texels: Int64Array, settings: OverviewSettings = OVERVIEW_MODEL) -> float:
     """Compute the scale, a power of two up to 1, at which rasters fit an overview.
 
     Parameters
@@ -60,7 +60,7 @@ def encode_overview(
     extras: Mapping[str, object],
     *,
     copyright: str = "",
-    settings: OverviewSettings = OVERVIEW_SETTINGS,
+    settings: OverviewSettings = OVERVIEW_MODEL,
 ) -> bytes:
     """Encode charts as one node, of at most `max_overview_bytes`.
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from facade_core.core.arrays import Float64Array, Int32Array, Int64Array
 from facade_core.core.grouping import group_rows
-from facade_core.export.tiles.settings import GRID_SETTINGS, GridSettings
+from facade_core.export.tiles.settings import TILE_GRIDS
 from facade_core.geometry.charts import Charts
 
 
@@ -91,7 +91,7 @@ def quadrant_corner(quadrant: int, corner: Float64Array, side: float) -> Float64
     return corner + side / 2 * np.array([quadrant & 1, quadrant >> 1])
 
 
-def divide_grid(members: QuadtreeMembers, max_texels: int, settings: GridSettings = GRID_SETTINGS) -> list[GridLeaf]:
+def divide_grid(members: QuadtreeMembers, max_texels: int) -> list[GridLeaf]:
     """Divide members by cells of a fixed grid until a cell fits `max_texels` or holds one member; sorted by path.
 
     A cell depends only on its own members, so changes elsewhere leave it unchanged.
@@ -99,15 +99,19 @@ def divide_grid(members: QuadtreeMembers, max_texels: int, settings: GridSetting
     leaves: list[GridLeaf] = []
 
     def divide(path: str, inside: Int64Array, corner: Float64Array, side: float) -> None:
-        if int(members.texel_counts[inside].sum()) <= max_texels or len(inside) == 1 or side <= settings.min_cell_m:
+        if int(members.texel_counts[inside].sum()) <= max_texels or len(inside) == 1 or side <= TILE_GRIDS.min_cell_m:
             leaves.append(GridLeaf(path, corner, *members.split(inside)))
             return
         below = path if path.count("_") == 2 else f"{path}_"
         for quadrant, mine in split_quadrants(members.points[inside], corner, side).items():
             divide(f"{below}{quadrant}", inside[mine], quadrant_corner(quadrant, corner, side), side / 2)
 
-    cells, of = np.unique(np.floor(members.points / settings.max_cell_m).astype(np.int64), axis=0, return_inverse=True)
+    cells, of = np.unique(
+        np.floor(members.points / TILE_GRIDS.max_cell_m).astype(np.int64), axis=0, return_inverse=True
+    )
     by_cell = group_rows(of.reshape(-1))
     for number, (column, row) in enumerate(cells.tolist()):
-        divide(f"{column}_{row}", by_cell[number], np.array([column, row]) * settings.max_cell_m, settings.max_cell_m)
+        divide(
+            f"{column}_{row}", by_cell[number], np.array([column, row]) * TILE_GRIDS.max_cell_m, TILE_GRIDS.max_cell_m
+        )
     return sorted(leaves, key=lambda leaf: leaf.path)

@@ -35,7 +35,7 @@ class ShellSettings:
     min_roof_triangle_m2: float = 0.5
 
 
-SHELL_SETTINGS = ShellSettings()
+FAR_SHELLS = ShellSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +57,7 @@ class GridSettings:
     max_tile_bytes: int = 32_000_000
 
 
-GRID_SETTINGS = GridSettings()
+TILE_GRIDS = GridSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +80,7 @@ class CellSettings:
     max_depth: int = 12
 
 
-CELL_SETTINGS = CellSettings()
+TILE_CELLS = CellSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +103,7 @@ class OverviewSettings:
     pixel_bytes: float = 0.15
 
 
-OVERVIEW_SETTINGS = OverviewSettings()
+OVERVIEW_MODEL = OverviewSettings()
 
 
 @dataclass(frozen=True, slots=True)

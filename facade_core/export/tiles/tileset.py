@@ -18,7 +18,7 @@ from facade_core.export.models.textured_mesh import TexturedMesh
 from facade_core.export.tiles.cells import QuadtreeCell
 from facade_core.export.tiles.earth import TilesetFrame
 from facade_core.export.tiles.far_shells import BuildingShells
-from facade_core.export.tiles.settings import CELL_SETTINGS, TEXTURE_BUDGET, TextureBudget
+from facade_core.export.tiles.settings import TEXTURE_BUDGET, TILE_CELLS
 from facade_core.export.tiles.tile_glb import TileBatch, encode_tile_glb
 from facade_core.export.tiles.tile_pages import TilePages, pack_tile_pages
 
@@ -315,7 +315,6 @@ def view_texture_scale(
     encoder: TextureEncoder,
     max_bytes: float,
     time: TimeOfDay = "day",
-    settings: TextureBudget = TEXTURE_BUDGET,
 ) -> float:
     """Compute the largest scale up to 1 at which the textures of any view fit the graphics memory.
 
@@ -329,11 +328,10 @@ def view_texture_scale(
     encoder : encoder of the textures.
     max_bytes : limit of graphics memory, bytes.
     time : time of day shown by emissive materials.
-    settings : numbers of a view.
     """
     leaves = list(cells.leaves())
     middle = np.array([source.centres[cell_charts(source, leaf), :2].mean(axis=0) for leaf in leaves])
-    near = np.linalg.norm(middle[:, None] - middle[None], axis=-1) <= settings.view_radius_m
+    near = np.linalg.norm(middle[:, None] - middle[None], axis=-1) <= TEXTURE_BUDGET.view_radius_m
     coarse = list(_iterate_coarse_cells(cells))
     # the path of a leaf starts with the paths of the cells above it; (views, coarse tiles)
     above = near @ np.array([[leaf.path.startswith(cell.path) for cell in coarse] for leaf in leaves])
@@ -343,9 +341,9 @@ def view_texture_scale(
         fine = np.array([pack_tile_pages(source, cell_charts(source, leaf), scale).page_texels for leaf in leaves])
         more = [_coarse_texels(source, shells, cell, scale) for cell in coarse]
         held = float((near @ fine + above @ np.array(more)).max()) * texel_bytes
-        if held <= max_bytes or scale < CELL_SETTINGS.coarse_scale:
+        if held <= max_bytes or scale < TILE_CELLS.coarse_scale:
             return scale
-        scale *= max(CELL_SETTINGS.coarse_scale, min(settings.max_scale_step, float(np.sqrt(max_bytes / held))))
+        scale *= max(TILE_CELLS.coarse_scale, min(TEXTURE_BUDGET.max_scale_step, float(np.sqrt(max_bytes / held))))
 
 
 def _coarse_texels(source: TexturedMesh, shells: BuildingShells, cell: QuadtreeCell, scale: float) -> int:
@@ -366,7 +364,7 @@ def pack_coarse_pages(
     simple = shells.textured_mesh.select_charts(np.setdiff1d(cell.buildings, kept))
     # rasters of shells already have `coarse_scale`
     return (
-        [pack_tile_pages(shells.textured_mesh, simple, scale * cell.scale / CELL_SETTINGS.coarse_scale)]
+        [pack_tile_pages(shells.textured_mesh, simple, scale * cell.scale / TILE_CELLS.coarse_scale)]
         if len(simple)
         else [],
         [pack_tile_pages(source, own, scale * cell.scale)] if len(own) else [],

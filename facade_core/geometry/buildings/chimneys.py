@@ -12,11 +12,11 @@ from facade_core.core.arrays import Float64Array
 from facade_core.core.fixed_order import dot_product
 from facade_core.geometry.buildings.facets import Facets
 from facade_core.geometry.buildings.roof_details import RoofDetail, RoofDetailBuilder
-from facade_core.geometry.buildings.settings import CHIMNEYS, ChimneySettings
+from facade_core.geometry.buildings.settings import CHIMNEYS
 from facade_core.geometry.charts import ChartKind
 
 
-def build_chimneys(id: str, roof: Facets, outline: Polygon, settings: ChimneySettings = CHIMNEYS) -> RoofDetail | None:
+def build_chimneys(id: str, roof: Facets, outline: Polygon) -> RoofDetail | None:
     """Build the chimneys of a building, at most 20 triangles.
 
     Parameters
@@ -24,52 +24,46 @@ def build_chimneys(id: str, roof: Facets, outline: Polygon, settings: ChimneySet
     id : seed of the random draws.
     roof : facets of the roof.
     outline : footprint of the building.
-    settings : numbers of the step.
 
     Returns
     -------
     None without a chimney.
     """
     rng = np.random.default_rng(int.from_bytes(blake2b(id.encode(errors="surrogatepass"), digest_size=8).digest()))
-    if outline.area < settings.min_roof_m2 or rng.random() > settings.chimney_share:
+    if outline.area < CHIMNEYS.min_roof_m2 or rng.random() > CHIMNEYS.chimney_share:
         return None
-    within = outline.buffer(-settings.min_inset_m)
+    within = outline.buffer(-CHIMNEYS.min_inset_m)
     west, south, east, north = outline.bounds
-    places = [west, south] + rng.random((settings.candidates, 2)) * [east - west, north - south]
+    places = [west, south] + rng.random((CHIMNEYS.candidates, 2)) * [east - west, north - south]
     places = places[shapely.contains_xy(within, *places.T)]
     heights = _roof_heights(roof, places)
     faces = RoofDetailBuilder()
     turn = _longest_edge_direction(outline)
     built: list[Float64Array] = []
     for place in places[np.argsort(-np.nan_to_num(heights, nan=-np.inf), kind="stable")]:
-        if len(built) == (2 if outline.area > settings.min_roof_of_two_m2 else 1):
+        if len(built) == (2 if outline.area > CHIMNEYS.min_roof_of_two_m2 else 1):
             break
-        if all(np.hypot(*(place - other)) > settings.min_spacing_m for other in built) and _add_chimney(
-            faces, rng, roof, place, turn, settings
+        if all(np.hypot(*(place - other)) > CHIMNEYS.min_spacing_m for other in built) and _add_chimney(
+            faces, rng, roof, place, turn
         ):
             built.append(place)
     return faces.build() if built else None
 
 
 def _add_chimney(
-    faces: RoofDetailBuilder,
-    rng: np.random.Generator,
-    roof: Facets,
-    place: Float64Array,
-    along: Float64Array,
-    settings: ChimneySettings,
+    faces: RoofDetailBuilder, rng: np.random.Generator, roof: Facets, place: Float64Array, along: Float64Array
 ) -> bool:
     """Add a chimney at a place (2,), its long side `along`; False where it would cross the roof's edge."""
-    long, high = (low + rng.random() * (most - low) for low, most in (settings.length_m, settings.height_m))
+    long, high = (low + rng.random() * (most - low) for low, most in (CHIMNEYS.length_m, CHIMNEYS.height_m))
     across = np.array([-along[1], along[0]])
     # counter-clockwise from above
     corners = place + [
-        x * along * long / 2 + y * across * settings.width_m / 2 for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+        x * along * long / 2 + y * across * CHIMNEYS.width_m / 2 for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))
     ]
     under = _roof_heights(roof, np.concatenate([corners, place[None]]))
     if not np.isfinite(under).all():
         return False
-    low = np.column_stack([corners, np.full(4, under.min() - settings.buried_m)])
+    low = np.column_stack([corners, np.full(4, under.min() - CHIMNEYS.buried_m)])
     top = np.column_stack([corners, np.full(4, under[-1] + high)])
     for k in range(4):
         after = (k + 1) % 4

@@ -9,11 +9,11 @@ from facade_core.core.arrays import BoolArray, Float64Array, Int64Array
 from facade_core.core.fixed_order import multiply_matrices
 from facade_core.geometry.buildings.curtains import Curtain, curtains_below_edges
 from facade_core.geometry.buildings.facets import Facets
-from facade_core.geometry.buildings.settings import CLOSING, FACETS, ClosingSettings
+from facade_core.geometry.buildings.settings import CLOSING, FACETS
 from facade_core.geometry.charts import ChartKind
 
 
-def missing_walls(facets: Facets, settings: ClosingSettings = CLOSING) -> Facets | None:
+def missing_walls(facets: Facets) -> Facets | None:
     """Compute the walls that a shell lacks below its roofs and between its walls; None if it lacks none.
 
     Open edges get walls down to the foot of the shell, as far as no other wall is there. The edge of an overhanging
@@ -23,18 +23,14 @@ def missing_walls(facets: Facets, settings: ClosingSettings = CLOSING) -> Facets
     if not len(corners):
         return None
     base = float(corners[..., 2].min())
-    open_ = _open_edges(facets, base, settings)
-    if len(open_) > settings.max_open_edges:
+    open_ = _open_edges(facets, base)
+    if len(open_) > CLOSING.max_open_edges:
         return None
     edges = [(facets.vertices[b], facets.vertices[a]) for a, b in open_]
-    curtains = [
-        one
-        for one in curtains_below_edges(edges, base)
-        if _is_wide(one, settings) and not _has_wall(one, facets, settings)
-    ]
+    curtains = [one for one in curtains_below_edges(edges, base) if _is_wide(one) and not _has_wall(one, facets)]
     area = triangle_areas(facets)[facets.kind[facets.facet] == ChartKind.WALL].sum()
     missing = sum(one.shape.area for one in curtains)
-    if not curtains or area < settings.min_wall_share * (area + missing):
+    if not curtains or area < CLOSING.min_wall_share * (area + missing):
         return None
     return _curtain_facets(curtains)
 
@@ -70,17 +66,17 @@ def open_edge_mask(facets: Facets) -> tuple[Int64Array, BoolArray]:
     return edges, uses[of] == 1
 
 
-def _open_edges(facets: Facets, base: float, settings: ClosingSettings) -> list[tuple[int, int]]:
+def _open_edges(facets: Facets, base: float) -> list[tuple[int, int]]:
     """Return the open edges without the foot of the walls."""
     edges, is_open = open_edge_mask(facets)
     is_wall = np.tile(facets.kind[facets.facet], 3) == ChartKind.WALL
-    is_foot = is_wall & (facets.vertices[edges][..., 2].max(axis=1) < base + settings.max_foot_m)
+    is_foot = is_wall & (facets.vertices[edges][..., 2].max(axis=1) < base + CLOSING.max_foot_m)
     return [(int(a), int(b)) for a, b in edges[is_open & ~is_foot]]
 
 
-def _is_wide(curtain: Curtain, settings: ClosingSettings) -> bool:
+def _is_wide(curtain: Curtain) -> bool:
     x0, z0, x1, z1 = curtain.shape.bounds
-    return bool(curtain.shape.area >= settings.min_missing_m2 and min(x1 - x0, z1 - z0) >= settings.min_missing_m)
+    return bool(curtain.shape.area >= CLOSING.min_missing_m2 and min(x1 - x0, z1 - z0) >= CLOSING.min_missing_m)
 
 
 def _outward(curtain: Curtain) -> Float64Array:
@@ -89,21 +85,21 @@ def _outward(curtain: Curtain) -> Float64Array:
     return -right if not curtain.shape.exterior.is_ccw else right
 
 
-def _has_wall(curtain: Curtain, facets: Facets, settings: ClosingSettings) -> bool:
+def _has_wall(curtain: Curtain, facets: Facets) -> bool:
     """Return whether most of a curtain has a wall in its place, or a parallel one closely behind it."""
     outward = _outward(curtain)
     cosine = multiply_matrices(facets.normal, outward)[facets.facet]
-    is_wall = (facets.kind[facets.facet] == ChartKind.WALL) & (np.abs(cosine) > settings.min_parallel_cosine)
+    is_wall = (facets.kind[facets.facet] == ChartKind.WALL) & (np.abs(cosine) > CLOSING.min_parallel_cosine)
     corners, cosine = facets.vertices[facets.triangles[is_wall]], cosine[is_wall]
     behind = -multiply_matrices(corners[..., :2] - curtain.origin, outward[:2])
-    reach = np.where(cosine > 0, settings.max_overhang_m, settings.max_joint_m)
-    corners = corners[((behind > -settings.max_joint_m) & (behind < reach[:, None])).all(axis=1)]
+    reach = np.where(cosine > 0, CLOSING.max_overhang_m, CLOSING.max_joint_m)
+    corners = corners[((behind > -CLOSING.max_joint_m) & (behind < reach[:, None])).all(axis=1)]
     along = multiply_matrices(corners[..., :2] - curtain.origin, curtain.along)
     flat = np.stack([along, corners[..., 2] - curtain.base], axis=-1)
     # an overhang's edge is below the top of the wall behind it, or not far above
-    flat[..., 1] += np.where(flat[..., 1] > flat[..., 1].min(axis=1, keepdims=True), settings.max_overhang_m, 0.0)
+    flat[..., 1] += np.where(flat[..., 1] > flat[..., 1].min(axis=1, keepdims=True), CLOSING.max_overhang_m, 0.0)
     covered = shapely.union_all(shapely.polygons(flat)) if len(flat) else shapely.Polygon()
-    return bool(covered.intersection(curtain.shape).area > settings.min_covered_share * curtain.shape.area)
+    return bool(covered.intersection(curtain.shape).area > CLOSING.min_covered_share * curtain.shape.area)
 
 
 def _curtain_facets(curtains: list[Curtain]) -> Facets:

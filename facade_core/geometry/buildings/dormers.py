@@ -15,7 +15,7 @@ from facade_core.core.arrays import Float64Array
 from facade_core.geometry.buildings.facets import Facets
 from facade_core.geometry.buildings.roof_details import RoofDetail, RoofDetailBuilder
 from facade_core.geometry.buildings.roof_edges import RoofEdge, RoofSurroundings, cut_free_roof_edges, roof_edges
-from facade_core.geometry.buildings.settings import DORMERS, DormerSettings
+from facade_core.geometry.buildings.settings import DORMERS
 from facade_core.geometry.charts import ChartKind
 
 # Range of metres between the middles of two dormers (WALL) or rooflights (WINDOW).
@@ -35,12 +35,7 @@ class DormerShape(NamedTuple):
 
 
 def build_dormers(
-    id: str,
-    roof: Facets,
-    outline: Polygon,
-    surroundings: RoofSurroundings,
-    existing: RoofDetail | None,
-    settings: DormerSettings = DORMERS,
+    id: str, roof: Facets, outline: Polygon, surroundings: RoofSurroundings, existing: RoofDetail | None
 ) -> RoofDetail | None:
     """Build the dormers or the rooflights of a building.
 
@@ -53,7 +48,6 @@ def build_dormers(
     outline : footprint of the building.
     surroundings : surroundings of the roof's edges.
     existing : details that are on the roof already.
-    settings : numbers of the step.
 
     Returns
     -------
@@ -63,11 +57,11 @@ def build_dormers(
         int.from_bytes(blake2b(id.encode(errors="surrogatepass"), digest_size=8, person=b"dormers").digest())
     )
     eaves = [edge for edge in roof_edges(roof, outline) if abs(edge.end[2] - edge.start[2]) < 0.02]
-    eaves = [edge for edge in eaves if edge.slope > settings.min_slope]
+    eaves = [edge for edge in eaves if edge.slope > DORMERS.min_slope]
     if not eaves:
         return None
-    chance, is_gabled = rng.random(), bool(rng.random() < settings.gabled_share)
-    ranges = (settings.dormer_width_m, settings.front_height_m, settings.front_above_eaves_m)
+    chance, is_gabled = rng.random(), bool(rng.random() < DORMERS.gabled_share)
+    ranges = (DORMERS.dormer_width_m, DORMERS.front_height_m, DORMERS.front_above_eaves_m)
     width, front_height, above_eaves = (low + rng.random() * (most - low) for low, most in ranges)
     shape = DormerShape(width, front_height, above_eaves, is_gabled)
     spacing = rng.random()
@@ -76,44 +70,43 @@ def build_dormers(
         blocked = shapely.multipoints(existing.facets.vertices[:, :2]).convex_hull.buffer(0.4)
     faces, rows = RoofDetailBuilder(), 0
     for edge in cut_free_roof_edges(eaves, surroundings):
-        kind = _opening_kind(edge.slope, chance, settings)
-        if kind is None or rows == settings.max_rows:
+        kind = _opening_kind(edge.slope, chance)
+        if kind is None or rows == DORMERS.max_rows:
             continue
         mine = roof.vertices[roof.triangles[roof.facet == edge.facet]]
-        free = shapely.union_all(shapely.polygons(mine[..., :2])).buffer(-settings.edge_clearance_m).difference(blocked)
-        rise = float(mine[..., 2].max() - edge.start[2]) - settings.ridge_clearance_m
+        free = shapely.union_all(shapely.polygons(mine[..., :2])).buffer(-DORMERS.edge_clearance_m).difference(blocked)
+        rise = float(mine[..., 2].max() - edge.start[2]) - DORMERS.ridge_clearance_m
         low, most = SPACING_M[kind]
         built = False
-        for middle in _row_middles(edge, low + spacing * (most - low), settings):
+        for middle in _row_middles(edge, low + spacing * (most - low)):
             if kind == ChartKind.WINDOW:
                 built |= _add_rooflight(
                     faces,
                     edge,
                     middle,
-                    settings.rooflight_above_eaves_m[0] + spacing * np.ptp(settings.rooflight_above_eaves_m),
+                    DORMERS.rooflight_above_eaves_m[0] + spacing * np.ptp(DORMERS.rooflight_above_eaves_m),
                     free,
-                    settings,
                 )
             else:
-                built |= _add_dormer(faces, edge, middle, shape, rise, free, settings)
+                built |= _add_dormer(faces, edge, middle, shape, rise, free)
         rows += built
     return faces.build() if rows else None
 
 
-def _opening_kind(fall: float, chance: float, settings: DormerSettings) -> ChartKind | None:
+def _opening_kind(fall: float, chance: float) -> ChartKind | None:
     """Choose dormers (WALL), rooflights (WINDOW) or nothing for a roof of slope `fall`."""
-    if fall > settings.min_mansard_slope:
-        return ChartKind.WALL if chance < settings.mansard_dormer_share else None
-    if chance < settings.dormer_share:
-        return ChartKind.WALL if fall > settings.min_dormer_slope else None
-    return ChartKind.WINDOW if chance < settings.dormer_share + settings.rooflight_share else None
+    if fall > DORMERS.min_mansard_slope:
+        return ChartKind.WALL if chance < DORMERS.mansard_dormer_share else None
+    if chance < DORMERS.dormer_share:
+        return ChartKind.WALL if fall > DORMERS.min_dormer_slope else None
+    return ChartKind.WINDOW if chance < DORMERS.dormer_share + DORMERS.rooflight_share else None
 
 
-def _row_middles(edge: RoofEdge, step: float, settings: DormerSettings) -> Float64Array:
+def _row_middles(edge: RoofEdge, step: float) -> Float64Array:
     """Return the middles of a centred row along an edge in metres."""
-    room = float(np.hypot(*(edge.end - edge.start)[:2])) - 2 * settings.end_distance_m
-    count = min(int(max(room, -1.0) / step) + 1, settings.max_per_row) if room > 0 else 0
-    return np.asarray(settings.end_distance_m + room / 2 + step * (np.arange(count) - (count - 1) / 2), np.float64)
+    room = float(np.hypot(*(edge.end - edge.start)[:2])) - 2 * DORMERS.end_distance_m
+    count = min(int(max(room, -1.0) / step) + 1, DORMERS.max_per_row) if room > 0 else 0
+    return np.asarray(DORMERS.end_distance_m + room / 2 + step * (np.arange(count) - (count - 1) / 2), np.float64)
 
 
 def _roof_points(edge: RoofEdge) -> RoofPoint:
@@ -127,29 +120,23 @@ def _roof_points(edge: RoofEdge) -> RoofPoint:
 
 
 def _add_dormer(
-    faces: RoofDetailBuilder,
-    edge: RoofEdge,
-    middle: float,
-    shape: DormerShape,
-    rise: float,
-    free: BaseGeometry,
-    settings: DormerSettings,
+    faces: RoofDetailBuilder, edge: RoofEdge, middle: float, shape: DormerShape, rise: float, free: BaseGeometry
 ) -> bool:
     """Add a dormer with its front around `middle` metres along an edge.
 
     False where it has no room below `rise` metres and, seen from above, within `free`.
     """
     fall, at = edge.slope, _roof_points(edge)
-    front = max(shape.above_eaves / fall, settings.min_setback_m)
-    foot, gable = front * fall, settings.gable_height_m if shape.is_gabled else 0.0
+    front = max(shape.above_eaves / fall, DORMERS.min_setback_m)
+    foot, gable = front * fall, DORMERS.gable_height_m if shape.is_gabled else 0.0
     # the upper end meets the roof: the ridge of a gable is level, a shed roof rises to the back
-    slope = 0.0 if shape.is_gabled else min(settings.shed_slope, fall / 4)
+    slope = 0.0 if shape.is_gabled else min(DORMERS.shed_slope, fall / 4)
     top = min(foot + shape.front_height, rise - gable)
     back = (top + gable - slope * front) / (fall - slope)
     if not shape.is_gabled and back * fall > rise:
         back = rise / fall
         top = rise - slope * (back - front)
-    if top - foot < settings.min_front_height_m:
+    if top - foot < DORMERS.min_front_height_m:
         return False
     left, right = middle - shape.width / 2, middle + shape.width / 2
     ground = Polygon(
@@ -157,7 +144,7 @@ def _add_dormer(
     )
     if not free.contains(ground):
         return False
-    low = foot - settings.buried_m
+    low = foot - DORMERS.buried_m
     level = top / fall if shape.is_gabled else back
     end = top if shape.is_gabled else back * fall
     face = [at(left, front, low), at(right, front, low), at(right, front, top), at(left, front, top)]
@@ -174,8 +161,8 @@ def _add_dormer(
     faces.add_polygon(ChartKind.WALL, face)
     faces.add_polygon(ChartKind.WALL, [at(left, level, end), at(left, front, low), at(left, front, top)], along=out)
     faces.add_polygon(ChartKind.WALL, [at(right, front, low), at(right, level, end), at(right, front, top)], along=-out)
-    sides, ahead = (left + settings.jamb_m, right - settings.jamb_m), front - settings.window_relief_m
-    sill, head = foot + settings.sill_m, top - settings.head_m
+    sides, ahead = (left + DORMERS.jamb_m, right - DORMERS.jamb_m), front - DORMERS.window_relief_m
+    sill, head = foot + DORMERS.sill_m, top - DORMERS.head_m
     faces.add_polygon(
         ChartKind.WINDOW,
         [at(sides[0], ahead, sill), at(sides[1], ahead, sill), at(sides[1], ahead, head), at(sides[0], ahead, head)],
@@ -183,18 +170,16 @@ def _add_dormer(
     return True
 
 
-def _add_rooflight(
-    faces: RoofDetailBuilder, edge: RoofEdge, middle: float, over: float, free: BaseGeometry, settings: DormerSettings
-) -> bool:
+def _add_rooflight(faces: RoofDetailBuilder, edge: RoofEdge, middle: float, over: float, free: BaseGeometry) -> bool:
     """Add a rooflight over an edge; False where it has no room within `free`, seen from above."""
     fall, at = edge.slope, _roof_points(edge)
-    low = max(over / fall, settings.min_setback_m)
-    up = low + settings.rooflight_size_m[1] / np.hypot(1.0, fall)
-    left, right = middle - settings.rooflight_size_m[0] / 2, middle + settings.rooflight_size_m[0] / 2
+    low = max(over / fall, DORMERS.min_setback_m)
+    up = low + DORMERS.rooflight_size_m[1] / np.hypot(1.0, fall)
+    left, right = middle - DORMERS.rooflight_size_m[0] / 2, middle + DORMERS.rooflight_size_m[0] / 2
     corners = ((left, low), (right, low), (right, up), (left, up))
     if not free.contains(Polygon([at(along, behind, 0)[:2] for along, behind in corners])):
         return False
     faces.add_polygon(
-        ChartKind.WINDOW, [at(along, behind, behind * fall + settings.window_relief_m) for along, behind in corners]
+        ChartKind.WINDOW, [at(along, behind, behind * fall + DORMERS.window_relief_m) for along, behind in corners]
     )
     return True

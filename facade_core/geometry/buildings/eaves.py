@@ -21,7 +21,7 @@ from facade_core.geometry.buildings.roof_edges import (
     cut_free_roof_edges,
     roof_edges,
 )
-from facade_core.geometry.buildings.settings import EAVES, ROOF_EDGES, EavesSettings
+from facade_core.geometry.buildings.settings import EAVES, ROOF_EDGES
 from facade_core.geometry.charts import ChartKind
 
 
@@ -44,9 +44,7 @@ class Overhang(NamedTuple):
     below: float
 
 
-def build_overhang(
-    roof: Facets, outline: Polygon, surroundings: RoofSurroundings, settings: EavesSettings = EAVES
-) -> Overhang:
+def build_overhang(roof: Facets, outline: Polygon, surroundings: RoofSurroundings) -> Overhang:
     """Extend a pitched roof over its eaves and verges; edges with a neighbour stay as they are.
 
     Parameters
@@ -54,10 +52,9 @@ def build_overhang(
     roof : facets of the roof.
     outline : footprint of the building.
     surroundings : surroundings of the roof's edges.
-    settings : numbers of the step.
     """
     offsets, edges = _outer_ends(
-        cut_free_roof_edges([_set_width(edge, settings) for edge in roof_edges(roof, outline)], surroundings), settings
+        cut_free_roof_edges([_set_width(edge) for edge in roof_edges(roof, outline)], surroundings)
     )
     if not edges:
         return Overhang(roof, None, [], [], 0.0)
@@ -65,12 +62,10 @@ def build_overhang(
     strips, facet, normals = [], [], list(roof.normal)
     level: dict[tuple[int, float], int] = {}
     # the same for all edges, so that coves meet at corners
-    below = np.array(
-        [0.0, 0.0, max(edge.width * _overhang_slope(edge, settings) for edge in edges) + settings.cove_depth_m]
-    )
+    below = np.array([0.0, 0.0, max(edge.width * _overhang_slope(edge) for edge in edges) + EAVES.cove_depth_m])
     for edge, (left, right) in zip(edges, offsets, strict=True):
         strips.append([edge.start, left, right, edge.end])
-        if edge.slope > settings.max_overhang_slope:
+        if edge.slope > EAVES.max_overhang_slope:
             # at a kink the strip is in its own plane
             way = (edge.facet, round(float(np.arctan2(*edge.outward)), 3))
             facet.append(level.setdefault(way, len(normals)))
@@ -87,9 +82,7 @@ def build_overhang(
     return Overhang(drawn, faces.build(), edges, offsets, float(below[2]))
 
 
-def build_parapet(
-    outline: Polygon, top: float, surroundings: RoofSurroundings, settings: EavesSettings = EAVES
-) -> RoofDetail | None:
+def build_parapet(outline: Polygon, top: float, surroundings: RoofSurroundings) -> RoofDetail | None:
     """Build a low wall, with a top sloped inwards, along the free edges of a flat roof.
 
     Parameters
@@ -97,7 +90,6 @@ def build_parapet(
     outline : footprint of the building.
     top : height of the roof in metres.
     surroundings : surroundings of the roof's edges.
-    settings : numbers of the step.
 
     Returns
     -------
@@ -109,14 +101,14 @@ def build_parapet(
         first, count = len(edges), len(corners) - 1
         for k in range(count):
             before, after = first + (k - 1) % count, first + (k + 1) % count
-            edges.append(RoofEdge(corners[k], corners[k + 1], -1, 0.0, -settings.coping_m, before, after))
+            edges.append(RoofEdge(corners[k], corners[k + 1], -1, 0.0, -EAVES.coping_m, before, after))
     offsets, edges = _outer_ends(
-        cut_free_roof_edges(edges, surroundings._replace(street_points=OPEN_SURROUNDINGS.street_points)), settings
+        cut_free_roof_edges(edges, surroundings._replace(street_points=OPEN_SURROUNDINGS.street_points))
     )
     if not edges:
         return None
     faces = RoofDetailBuilder()
-    high = np.array([0.0, 0.0, settings.parapet_m])
+    high = np.array([0.0, 0.0, EAVES.parapet_m])
     for edge, (left, right) in zip(edges, offsets, strict=True):
         faces.add_polygon(ChartKind.WALL, [edge.start, edge.end, edge.end + high, edge.start + high])
         faces.add_polygon(ChartKind.ROOF, [edge.start + high, edge.end + high, right, left])
@@ -127,38 +119,36 @@ def build_parapet(
     return faces.build()
 
 
-def _set_width(edge: RoofEdge, settings: EavesSettings) -> RoofEdge:
+def _set_width(edge: RoofEdge) -> RoofEdge:
     """Return an edge with the width of its overhang."""
     sloped = abs(edge.end[2] - edge.start[2]) > 0.1 * np.hypot(*(edge.end - edge.start)[:2])
     if sloped or edge.slope <= 0:
-        return edge._replace(width=settings.verge_m)
+        return edge._replace(width=EAVES.verge_m)
     return edge._replace(
-        width=min(settings.overhang_m, settings.max_drop_m / edge.slope)
-        if edge.slope <= settings.max_overhang_slope
-        else settings.overhang_m
+        width=min(EAVES.overhang_m, EAVES.max_drop_m / edge.slope)
+        if edge.slope <= EAVES.max_overhang_slope
+        else EAVES.overhang_m
     )
 
 
-def _overhang_slope(edge: RoofEdge, settings: EavesSettings) -> float:
+def _overhang_slope(edge: RoofEdge) -> float:
     """Return the fall of an edge's overhang per metre outwards."""
-    return settings.steep_overhang_slope if edge.slope > settings.max_overhang_slope else edge.slope
+    return EAVES.steep_overhang_slope if edge.slope > EAVES.max_overhang_slope else edge.slope
 
 
-def _outer_ends(
-    edges: list[RoofEdge], settings: EavesSettings
-) -> tuple[list[tuple[Float64Array, Float64Array]], list[RoofEdge]]:
+def _outer_ends(edges: list[RoofEdge]) -> tuple[list[tuple[Float64Array, Float64Array]], list[RoofEdge]]:
     """Compute the outer ends (3,) of edges; edges too short for their mitres are dropped."""
     while True:
-        if len(edges) > settings.max_edges:
+        if len(edges) > EAVES.max_edges:
             return [], []
         ends = []
         for i, edge in enumerate(edges):
             ahead = edge.following
-            if ahead >= 0 and not _is_mitred(edge, edges[ahead], settings):
+            if ahead >= 0 and not _is_mitred(edge, edges[ahead]):
                 edges[i], edges[ahead] = edge._replace(following=-1), edges[ahead]._replace(previous=-1)
         for edge in edges:
-            left = _outer_corner(edge, edges[edge.previous] if edge.previous >= 0 else None, edge.start, settings)
-            right = _outer_corner(edge, edges[edge.following] if edge.following >= 0 else None, edge.end, settings)
+            left = _outer_corner(edge, edges[edge.previous] if edge.previous >= 0 else None, edge.start)
+            right = _outer_corner(edge, edges[edge.following] if edge.following >= 0 else None, edge.end)
             ends.append((left, right))
         short = [
             bool(dot_product((right - left)[:2], edge.direction) < ROOF_EDGES.max_touch_m)
@@ -178,18 +168,17 @@ def _outer_ends(
         ]
 
 
-def _is_mitred(one: RoofEdge, other: RoofEdge, settings: EavesSettings) -> bool:
+def _is_mitred(one: RoofEdge, other: RoofEdge) -> bool:
     """Return whether the overhangs of two edges meet in a mitre of one height."""
-    step = mitre_offset(one, other, settings=settings)
+    step = mitre_offset(one, other)
     if step is None:
         return False
     return bool(
-        abs(_step_outwards(one, one.end, step, settings)[2] - _step_outwards(other, other.start, step, settings)[2])
-        < settings.mitre_level_m
+        abs(_step_outwards(one, one.end, step)[2] - _step_outwards(other, other.start, step)[2]) < EAVES.mitre_level_m
     )
 
 
-def mitre_offset(one: RoofEdge, other: RoofEdge, settings: EavesSettings = EAVES) -> Float64Array | None:
+def mitre_offset(one: RoofEdge, other: RoofEdge) -> Float64Array | None:
     """Return the offset (2,) from the corner of two edges to the corner of their outer edges; None where it is too long."""
     system = np.array([one.outward, other.outward])
     (a, b), (c, d) = system
@@ -197,29 +186,26 @@ def mitre_offset(one: RoofEdge, other: RoofEdge, settings: EavesSettings = EAVES
     if abs(determinant) < 0.05:
         return (one.outward * (one.width + other.width) / 2) if dot_product(one.outward, other.outward) > 0 else None
     found = np.array([d * one.width - b * other.width, a * other.width - c * one.width]) / determinant
-    return found if np.hypot(*found) <= settings.max_mitre_ratio * max(abs(one.width), abs(other.width)) else None
+    return found if np.hypot(*found) <= EAVES.max_mitre_ratio * max(abs(one.width), abs(other.width)) else None
 
 
-def _outer_corner(
-    edge: RoofEdge, other: RoofEdge | None, corner: Float64Array, settings: EavesSettings
-) -> Float64Array:
+def _outer_corner(edge: RoofEdge, other: RoofEdge | None, corner: Float64Array) -> Float64Array:
     """Return the outer corner (3,) at a corner of an edge, shared with `other`."""
     if other is None:
-        return _step_outwards(edge, corner, edge.width * edge.outward, settings)
-    step = mitre_offset(edge, other, settings=settings)
+        return _step_outwards(edge, corner, edge.width * edge.outward)
+    step = mitre_offset(edge, other)
     assert step is not None
-    return (_step_outwards(edge, corner, step, settings) + _step_outwards(other, corner, step, settings)) / 2
+    return (_step_outwards(edge, corner, step) + _step_outwards(other, corner, step)) / 2
 
 
-def _step_outwards(edge: RoofEdge, corner: Float64Array, step: Float64Array, settings: EavesSettings) -> Float64Array:
+def _step_outwards(edge: RoofEdge, corner: Float64Array, step: Float64Array) -> Float64Array:
     """Return a corner of an edge moved by a step (2,) on the plane of its overhang."""
     run = edge.end - edge.start
     climb = run[2] / np.hypot(*run[:2])
     outer: Float64Array = corner + np.array(
         [
             *step,
-            climb * dot_product(step, edge.direction)
-            - _overhang_slope(edge, settings) * dot_product(step, edge.outward),
+            climb * dot_product(step, edge.direction) - _overhang_slope(edge) * dot_product(step, edge.outward),
         ]
     )
     return outer

@@ -12,7 +12,7 @@ from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int32
 from facade_core.core.errors import GeometryError
 from facade_core.core.numba_cache import njit
 from facade_core.core.types import SEMANTICS, BuildingShell
-from facade_core.geometry.buildings.settings import FACETS, FacetSettings
+from facade_core.geometry.buildings.settings import FACETS
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.surface_crossings import RayCrossingCounter
 
@@ -62,9 +62,7 @@ class Facets:
         return len(self.kind)
 
 
-def extract_shell_facets(
-    shell: BuildingShell, footprint: Polygon | MultiPolygon, settings: FacetSettings = FACETS
-) -> Facets:
+def extract_shell_facets(shell: BuildingShell, footprint: Polygon | MultiPolygon) -> Facets:
     """Group the triangles of a shell into connected planar facets of one semantic and texture.
 
     The winding is the last resort. An upright facet has the footprint behind it. A facet inside the footprint, or a
@@ -73,7 +71,6 @@ def extract_shell_facets(
     Parameters
     ----------
     footprint : outline of the building.
-    settings : numbers of the step.
 
     Raises
     ------
@@ -83,7 +80,7 @@ def extract_shell_facets(
         raise GeometryError("its model has coordinates that are not numbers; repair or drop it")
     if shell.triangles.size and not 0 <= shell.triangles.min() <= shell.triangles.max() < len(shell.vertices):
         raise GeometryError("its model has triangles without a vertex; repair or drop it")
-    vertices, triangles, area, kept = _weld(shell, settings)
+    vertices, triangles, area, kept = _weld(shell)
     semantic, texture, uv = shell.semantic[kept].astype(np.int64), shell.texture[kept], shell.uv[kept]
     length = np.linalg.norm(area, axis=1)
     label = semantic + len(SEMANTICS) * (texture.astype(np.int64) + 1)
@@ -114,16 +111,14 @@ def extract_shell_facets(
         & (facet_semantic != _UNKNOWN)
         & (facet_semantic != _GROUND)
     )
-    upright = np.abs(normal[:, 2]) < np.where(leaning, settings.max_leaning_nz, settings.max_upright_nz)
+    upright = np.abs(normal[:, 2]) < np.where(leaning, FACETS.max_leaning_nz, FACETS.max_upright_nz)
     low = np.full(count, np.inf)
     np.minimum.at(low, facet, corners[..., 2].min(axis=1))
     low -= vertices[:, 2].min() if len(vertices) else 0.0
 
-    outward = _orient_outward(
-        normal, middle, odd, upright, facet_semantic, low, size, footprint, closed, crossings, settings
-    )
-    kind = _chart_kinds(facet_semantic, outward, upright, low, settings)
-    keep = (kind >= 0) & (size / 2 >= settings.min_facet_m2)
+    outward = _orient_outward(normal, middle, odd, upright, facet_semantic, low, size, footprint, closed, crossings)
+    kind = _chart_kinds(facet_semantic, outward, upright, low)
+    keep = (kind >= 0) & (size / 2 >= FACETS.min_facet_m2)
     number = np.cumsum(keep) - 1
     mine = np.flatnonzero(keep[facet])
     mine = mine[np.argsort(facet[mine], kind="stable")]
@@ -140,12 +135,12 @@ def extract_shell_facets(
     )
 
 
-def _weld(shell: BuildingShell, settings: FacetSettings) -> tuple[Float64Array, Int64Array, Float64Array, Int64Array]:
+def _weld(shell: BuildingShell) -> tuple[Float64Array, Int64Array, Float64Array, Int64Array]:
     """Merge vertices and drop degenerate and repeated triangles, keeping textured ones.
 
     Returns vertices, triangles, doubled area vectors, and the kept rows of the shell.
     """
-    cell = np.round(np.asarray(shell.vertices) / settings.weld_m).astype(np.int64)
+    cell = np.round(np.asarray(shell.vertices) / FACETS.weld_m).astype(np.int64)
     order = np.lexsort(cell.T)
     new = np.concatenate([[True], (np.diff(cell[order], axis=0) != 0).any(axis=1)]) if len(cell) else np.empty(0, bool)
     weld = np.empty(len(cell), np.int64)
@@ -195,13 +190,12 @@ def _orient_outward(
     footprint: Polygon | MultiPolygon,
     closed: bool,
     crossings: RayCrossingCounter,
-    settings: FacetSettings,
 ) -> Float64Array:
     """Orient normals outward; odd (f, 2): whether the surfaces in front of and behind a facet are odd in number."""
     ahead, behind = odd.T
     # upright facets: by the footprint, then by the number of surfaces on either side
     flat = normal[:, :2] / np.maximum(np.hypot(normal[:, 0], normal[:, 1]), 1e-9)[:, None]
-    aside = settings.side_probe_m * np.column_stack([flat, np.zeros(len(flat))])
+    aside = FACETS.side_probe_m * np.column_stack([flat, np.zeros(len(flat))])
     shapely.prepare(footprint)
     inside = [shapely.contains_xy(footprint, (middle + s * aside)[:, :2]) for s in (1, -1)]
     on_outline = upright & (inside[0] != inside[1])
@@ -220,7 +214,7 @@ def _orient_outward(
     winds_down = (normal[:, 2] < 0) != reverse
     above = np.where(normal[:, 2] > 0, ahead, behind)
     below = np.where(normal[:, 2] > 0, behind, ahead)
-    down = np.where(closed, above & ~below, winds_down & (above | (low < settings.underside_m)))
+    down = np.where(closed, above & ~below, winds_down & (above | (low < FACETS.underside_m)))
     down = np.where(above & below, winds_down, down)
     down = np.where(facet_semantic == _CEILING, True, np.where((facet_semantic == _ROOF) & (not closed), False, down))
     flip = np.where(upright, np.where(decided, flip, reverse), (normal[:, 2] < 0) != down)
@@ -228,10 +222,10 @@ def _orient_outward(
 
 
 def _chart_kinds(
-    facet_semantic: Int64Array, outward: Float64Array, upright: BoolArray, low: Float64Array, settings: FacetSettings
+    facet_semantic: Int64Array, outward: Float64Array, upright: BoolArray, low: Float64Array
 ) -> Int64Array:
     """Return the chart kinds (f,) of facets, by semantic, else by slope and place; -1 for the underside."""
-    level = np.where(outward[:, 2] > 0, ChartKind.ROOF, np.where(low < settings.underside_m, -1, ChartKind.CEILING))
+    level = np.where(outward[:, 2] > 0, ChartKind.ROOF, np.where(low < FACETS.underside_m, -1, ChartKind.CEILING))
     decided = np.array([_KIND_OF_SEMANTIC.get(name, -1) for name in SEMANTICS])[facet_semantic]
     kind = np.where(
         (facet_semantic == _UNKNOWN) | (facet_semantic == _WALL), np.where(upright, ChartKind.WALL, level), decided

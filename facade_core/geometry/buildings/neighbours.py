@@ -13,12 +13,12 @@ from shapely.geometry.base import BaseGeometry
 
 from facade_core.core.types import Building
 from facade_core.geometry.buildings.roof_edges import OPEN_SURROUNDINGS
-from facade_core.geometry.buildings.settings import EAVES, NEIGHBOURS, ROOF_EDGES, NeighbourSettings
+from facade_core.geometry.buildings.settings import EAVES, NEIGHBOURS, ROOF_EDGES
 from facade_core.geometry.ground.terrain import Terrain
 
 
 def roof_continuation_footprints(
-    index: int, buildings: Sequence[Building], tree: shapely.STRtree, settings: NeighbourSettings = NEIGHBOURS
+    index: int, buildings: Sequence[Building], tree: shapely.STRtree
 ) -> list[Polygon | MultiPolygon]:
     """Return the adjoining footprints over which a building's roof continues; none for a part.
 
@@ -26,26 +26,21 @@ def roof_continuation_footprints(
     ----------
     index : row of the building.
     tree : footprints of all buildings.
-    settings : numbers of the step.
     """
     own = buildings[index]
     if own.roof is None or not own.roof.height > 0 or own.part_of is not None:
         return []
-    near = sorted(tree.query(own.footprint, predicate="dwithin", distance=settings.neighbour_gap_m).tolist())
+    near = sorted(tree.query(own.footprint, predicate="dwithin", distance=NEIGHBOURS.neighbour_gap_m).tolist())
     others = [buildings[i] for i in near if i != index]
     return [
         other.footprint
         for other in others
-        if other.height >= settings.min_height_ratio * own.height and other.footprint.is_valid
+        if other.height >= NEIGHBOURS.min_height_ratio * own.height and other.footprint.is_valid
     ]
 
 
 def neighbour_area_above_eaves(
-    index: int,
-    buildings: Sequence[Building],
-    tree: shapely.STRtree,
-    terrain: Terrain,
-    settings: NeighbourSettings = NEIGHBOURS,
+    index: int, buildings: Sequence[Building], tree: shapely.STRtree, terrain: Terrain
 ) -> BaseGeometry:
     """Return the area covered by neighbours that reach up to a building's eaves.
 
@@ -53,12 +48,11 @@ def neighbour_area_above_eaves(
     ----------
     index : row of the building.
     tree : footprints of all buildings.
-    settings : numbers of the step.
     """
     own = buildings[index]
     if own.shell is not None or not np.isfinite(own.height):
         return OPEN_SURROUNDINGS.neighbours
-    least = _base_height(own, terrain) + own.height - settings.eaves_tolerance_m
+    least = _base_height(own, terrain) + own.height - NEIGHBOURS.eaves_tolerance_m
     near = [
         i
         for i in tree.query(
@@ -95,20 +89,17 @@ def _top_height(building: Building, terrain: Terrain) -> float:
     return _base_height(building, terrain) + building.height + (building.roof.height if building.roof else 0.0)
 
 
-def outline_without_party_walls(
-    index: int, buildings: Sequence[Building], tree: shapely.STRtree, settings: NeighbourSettings = NEIGHBOURS
-) -> shapely.Geometry:
+def outline_without_party_walls(index: int, buildings: Sequence[Building], tree: shapely.STRtree) -> shapely.Geometry:
     """Return the outline of a building without the part shared with neighbours; models often omit party walls.
 
     Parameters
     ----------
     index : row of the building.
     tree : footprints of all buildings.
-    settings : numbers of the step.
     """
     footprint = buildings[index].footprint
-    others = [i for i in tree.query(footprint, predicate="dwithin", distance=settings.neighbour_gap_m) if i != index]
-    touched = shapely.union_all([buildings[i].footprint for i in others]).buffer(settings.neighbour_gap_m)
+    others = [i for i in tree.query(footprint, predicate="dwithin", distance=NEIGHBOURS.neighbour_gap_m) if i != index]
+    touched = shapely.union_all([buildings[i].footprint for i in others]).buffer(NEIGHBOURS.neighbour_gap_m)
     return shapely.difference(footprint.boundary, touched)
 
 

@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 from facade_core.core.arrays import Float64Array, Int64Array
 from facade_core.core.fixed_order import dot_product, multiply_matrices, vector_length
 from facade_core.geometry.buildings.facets import Facets
-from facade_core.geometry.buildings.settings import ROOF_EDGES, RoofEdgeSettings
+from facade_core.geometry.buildings.settings import ROOF_EDGES
 from facade_core.geometry.charts import ChartKind
 
 
@@ -82,17 +82,17 @@ class RoofSurroundings(NamedTuple):
 OPEN_SURROUNDINGS = RoofSurroundings(shapely.GeometryCollection(), np.empty((0, 2)), shapely.STRtree([]))
 
 
-def sample_streets(lines: Sequence[shapely.LineString], settings: RoofEdgeSettings = ROOF_EDGES) -> Float64Array:
+def sample_streets(lines: Sequence[shapely.LineString]) -> Float64Array:
     """Return places (k, 2) along street centrelines."""
     places = [
-        shapely.line_interpolate_point(line, np.arange(0, line.length, settings.street_sampling_m)) for line in lines
+        shapely.line_interpolate_point(line, np.arange(0, line.length, ROOF_EDGES.street_sampling_m)) for line in lines
     ]
     return shapely.get_coordinates(np.concatenate(places)) if places else np.empty((0, 2))
 
 
-def roof_edges(roof: Facets, outline: Polygon, settings: RoofEdgeSettings = ROOF_EDGES) -> list[RoofEdge]:
+def roof_edges(roof: Facets, outline: Polygon) -> list[RoofEdge]:
     """Return the outer edges of a roof's facets, with collinear sides joined."""
-    ends, facet = _outer_edges(roof, outline, settings)
+    ends, facet = _outer_edges(roof, outline)
     runs = _straight_runs(roof, ends, facet)
     begins = {int(ends[run[0], 0]): number for number, run in enumerate(runs)}
     closes = {int(ends[run[-1], 1]): number for number, run in enumerate(runs)}
@@ -106,7 +106,7 @@ def roof_edges(roof: Facets, outline: Polygon, settings: RoofEdgeSettings = ROOF
     return edges
 
 
-def _outer_edges(roof: Facets, outline: Polygon, settings: RoofEdgeSettings) -> tuple[Int64Array, Int64Array]:
+def _outer_edges(roof: Facets, outline: Polygon) -> tuple[Int64Array, Int64Array]:
     """Return the vertex pairs (e, 2) and facets (e,) of triangle sides on the outline that no other triangle shares."""
     upper = roof.kind[roof.facet] == ChartKind.ROOF
     triangles, facet = roof.triangles[upper], np.tile(roof.facet[upper], 3)
@@ -116,8 +116,8 @@ def _outer_edges(roof: Facets, outline: Polygon, settings: RoofEdgeSettings) -> 
     ends, facet = ends[outer], facet[outer]
     places = roof.vertices[ends]
     on = (
-        shapely.distance(shapely.points(places.mean(axis=1)[:, :2]), outline.boundary) < settings.outline_tolerance_m
-    ) & (np.hypot(*(places[:, 1] - places[:, 0])[:, :2].T) > settings.outline_tolerance_m)
+        shapely.distance(shapely.points(places.mean(axis=1)[:, :2]), outline.boundary) < ROOF_EDGES.outline_tolerance_m
+    ) & (np.hypot(*(places[:, 1] - places[:, 0])[:, :2].T) > ROOF_EDGES.outline_tolerance_m)
     return ends[on], facet[on]
 
 
@@ -148,9 +148,7 @@ def _straight_runs(roof: Facets, ends: Int64Array, facet: Int64Array) -> list[li
     return runs
 
 
-def cut_free_roof_edges(
-    edges: Sequence[RoofEdge], surroundings: RoofSurroundings, settings: RoofEdgeSettings = ROOF_EDGES
-) -> list[RoofEdge]:
+def cut_free_roof_edges(edges: Sequence[RoofEdge], surroundings: RoofSurroundings) -> list[RoofEdge]:
     """Return the pieces of edges in sight without an adjoining neighbour."""
     found: list[RoofEdge] = []
     first: dict[int, int] = {}
@@ -160,7 +158,7 @@ def cut_free_roof_edges(
         sight_points = (edge.start + share * (edge.end - edge.start) for share in (0.5, 0.1, 0.9))
         if not any(surroundings.is_in_sight(place[:2], edge.outward) for place in sight_points):
             continue
-        reach = max(edge.width, 0.0) + settings.neighbour_clearance_m
+        reach = max(edge.width, 0.0) + ROOF_EDGES.neighbour_clearance_m
         a, b, near, far = edge.start[:2], edge.end[:2], 0.02 * edge.outward, reach * edge.outward
         beside = shapely.intersection(Polygon([a + near, b + near, b + far, a + far]), surroundings.neighbours)
         free = [(0.0, length)]
@@ -168,7 +166,7 @@ def cut_free_roof_edges(
             if part.area > 1e-4:
                 steps = multiply_matrices(shapely.get_coordinates(part) - a, edge.direction)
                 low, high = float(steps.min()), float(steps.max())
-                if high > settings.max_touch_m and low < length - settings.max_touch_m:
+                if high > ROOF_EDGES.max_touch_m and low < length - ROOF_EDGES.max_touch_m:
                     free = [
                         piece
                         for left, right in free
@@ -176,7 +174,7 @@ def cut_free_roof_edges(
                         if piece[1] > piece[0]
                     ]
         for left, right in free:
-            if right - left < min(settings.min_edge_m, length - settings.max_touch_m):
+            if right - left < min(ROOF_EDGES.min_edge_m, length - ROOF_EDGES.max_touch_m):
                 continue
             if left == 0:
                 first[number] = len(found)

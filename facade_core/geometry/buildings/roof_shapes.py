@@ -14,7 +14,7 @@ from facade_core.core.errors import GeometryError
 from facade_core.core.fixed_order import dot_product, multiply_matrices
 from facade_core.core.types import SEMANTICS, Building, BuildingShell, Roof
 from facade_core.geometry.buildings import straight_skeleton
-from facade_core.geometry.buildings.settings import ROOF_SHAPES, SKELETON, RoofShapeSettings
+from facade_core.geometry.buildings.settings import ROOF_SHAPES, SKELETON
 
 # Shapes that rise from all edges of a footprint that is no rectangle, or has neighbours.
 SKELETON_SHAPES = ("gabled", "hipped", "mansard", "gambrel")
@@ -26,10 +26,7 @@ RoofHeight = Callable[[Float64Array], Float64Array]
 
 
 def build_shell_with_roof(
-    building: Building,
-    base: float,
-    adjoining: Sequence[Polygon | MultiPolygon] = (),
-    settings: RoofShapeSettings = ROOF_SHAPES,
+    building: Building, base: float, adjoining: Sequence[Polygon | MultiPolygon] = ()
 ) -> BuildingShell | None:
     """Build the closed shell of a building with a pitched roof.
 
@@ -43,7 +40,6 @@ def build_shell_with_roof(
     ----------
     base : ground height in metres.
     adjoining : footprints that the roof continues over.
-    settings : numbers of the step.
 
     Returns
     -------
@@ -52,21 +48,19 @@ def build_shell_with_roof(
     roof = building.roof
     if roof is None or not roof.height > 0:
         return None
-    footprint = shapely.set_precision(building.footprint, settings.grid_m)
+    footprint = shapely.set_precision(building.footprint, ROOF_SHAPES.grid_m)
     if footprint.geom_type != "Polygon" or footprint.is_empty:
         return None
     eaves = base + building.height
-    rectangular = footprint.area >= settings.min_rectangle_fill * shapely.minimum_rotated_rectangle(footprint).area
+    rectangular = footprint.area >= ROOF_SHAPES.min_rectangle_fill * shapely.minimum_rotated_rectangle(footprint).area
     if roof.shape in SKELETON_SHAPES and not roof.across and (roof.pitch or adjoining or not rectangular):
         try:
-            return _shell(
-                *_skeleton_regions(roof, footprint, adjoining, settings), footprint, base, eaves, settings=settings
-            )
+            return _shell(*_skeleton_regions(roof, footprint, adjoining), footprint, base, eaves)
         except (GeometryError, shapely.errors.GEOSException):
             if roof.pitch:
                 return None
     centre = np.asarray(footprint.centroid.coords[0])
-    planes = _rectangle_planes(roof, shapely.get_coordinates(footprint) - centre, footprint, centre, settings)
+    planes = _rectangle_planes(roof, shapely.get_coordinates(footprint) - centre, footprint, centre)
     if planes is None:
         return None
 
@@ -76,24 +70,24 @@ def build_shell_with_roof(
         )
         return rise
 
-    return _shell(_plane_regions(footprint, planes, centre, settings), rise, footprint, base, eaves, settings)
+    return _shell(_plane_regions(footprint, planes, centre), rise, footprint, base, eaves)
 
 
 def _skeleton_regions(
-    roof: Roof, footprint: Polygon, adjoining: Sequence[Polygon | MultiPolygon], settings: RoofShapeSettings
+    roof: Roof, footprint: Polygon, adjoining: Sequence[Polygon | MultiPolygon]
 ) -> tuple[ObjectArray, RoofHeight]:
     """Return the regions of a roof by the straight skeleton, and its height over the eaves as a function."""
-    runs, rises = _roof_profile(roof, settings)
-    reach = runs[-1] if runs is not None else settings.neighbour_reach_m
-    outline = _common_outline(footprint, adjoining, 1.5 * reach, settings)
+    runs, rises = _roof_profile(roof)
+    reach = runs[-1] if runs is not None else ROOF_SHAPES.neighbour_reach_m
+    outline = _common_outline(footprint, adjoining, 1.5 * reach)
     if roof.shape in ("gabled", "gambrel"):
-        outline = _extend_gables(outline, footprint, settings)
+        outline = _extend_gables(outline, footprint)
     slabs = straight_skeleton.edge_slabs(outline)
     if runs is None:
         runs = (
             np.array([0.0, 1.0])
             if roof.shape in ("gabled", "hipped")
-            else np.array([0.0, settings.steep_run_share, 1.0])
+            else np.array([0.0, ROOF_SHAPES.steep_run_share, 1.0])
         )
         faces = slabs.faces(4 * reach)
         corners = shapely.get_coordinates(shapely.intersection(faces, footprint))
@@ -105,7 +99,7 @@ def _skeleton_regions(
     contours = np.concatenate([slabs.contours(faces, run) for run in runs[1:]])
     lines = shapely.union_all([*shapely.boundary(faces), *contours], grid_size=SKELETON.grid_m)
     lines = shapely.intersection(lines, footprint.buffer(1.0))
-    noded = shapely.union_all([footprint.boundary, lines], grid_size=settings.grid_m)
+    noded = shapely.union_all([footprint.boundary, lines], grid_size=ROOF_SHAPES.grid_m)
     regions = shapely.get_parts(shapely.polygonize(shapely.get_parts(noded)))
     regions = regions[shapely.contains(footprint, shapely.point_on_surface(regions))]
     if abs(shapely.area(regions).sum() - footprint.area) > 1e-3 * footprint.area:
@@ -114,47 +108,47 @@ def _skeleton_regions(
     def rise(xy: Float64Array) -> Float64Array:
         points = shapely.points(xy)
         # eaves are level: points of the footprint within a jog of the outline are at the eaves
-        level = shapely.distance(points, outline.boundary) <= settings.max_jog_m
-        level[level] = shapely.distance(points[level], footprint.boundary) < settings.grid_m
+        level = shapely.distance(points, outline.boundary) <= ROOF_SHAPES.max_jog_m
+        level[level] = shapely.distance(points[level], footprint.boundary) < ROOF_SHAPES.grid_m
         return np.where(level, 0.0, np.interp(slabs.depth(xy), runs, rises))
 
     return regions, rise
 
 
-def _roof_profile(roof: Roof, settings: RoofShapeSettings) -> tuple[Float64Array | None, Float64Array]:
+def _roof_profile(roof: Roof) -> tuple[Float64Array | None, Float64Array]:
     """Return depths (k,) inside the outline and heights (k,) over the eaves, metres; depths are None without a pitch."""
     broken = roof.shape in ("mansard", "gambrel")
-    rises = roof.height * (np.array([0.0, settings.steep_rise_share, 1.0]) if broken else np.array([0.0, 1.0]))
+    rises = roof.height * (np.array([0.0, ROOF_SHAPES.steep_rise_share, 1.0]) if broken else np.array([0.0, 1.0]))
     if roof.pitch is None:
         return None, rises
-    slopes = np.tan(np.radians([roof.pitch, settings.upper_pitch_deg] if broken else [roof.pitch]))
+    slopes = np.tan(np.radians([roof.pitch, ROOF_SHAPES.upper_pitch_deg] if broken else [roof.pitch]))
     return np.cumsum([0.0, *(np.diff(rises) / slopes)]), rises
 
 
-def _common_outline(
-    footprint: Polygon, adjoining: Sequence[Polygon | MultiPolygon], reach: float, settings: RoofShapeSettings
-) -> Polygon:
+def _common_outline(footprint: Polygon, adjoining: Sequence[Polygon | MultiPolygon], reach: float) -> Polygon:
     """Return the outline of one roof: a footprint and the near parts of its neighbours, without small jogs."""
-    party = [other for other in adjoining if _shared_length(footprint, other, settings) >= settings.min_shared_m]
+    party = [other for other in adjoining if _shared_length(footprint, other) >= ROOF_SHAPES.min_shared_m]
     closed = shapely.union_all([footprint])
     if party:
         near = footprint.buffer(reach, quad_segs=2)
         covered = shapely.union_all([footprint, *(shapely.intersection(other, near) for other in party)])
-        closed = covered.buffer(settings.max_gap_m, join_style="mitre").buffer(-settings.max_gap_m, join_style="mitre")
-    smooth = closed.simplify(settings.max_jog_m)
+        closed = covered.buffer(ROOF_SHAPES.max_gap_m, join_style="mitre").buffer(
+            -ROOF_SHAPES.max_gap_m, join_style="mitre"
+        )
+    smooth = closed.simplify(ROOF_SHAPES.max_jog_m)
     found = [part for part in shapely.get_parts(smooth) if part.intersects(footprint.representative_point())]
     if len(found) != 1 or found[0].geom_type != "Polygon" or not found[0].is_valid:
         raise GeometryError("a footprint falls apart")
-    rings = [ring for ring in found[0].interiors if Polygon(ring).area > (2 * settings.max_jog_m) ** 2]
+    rings = [ring for ring in found[0].interiors if Polygon(ring).area > (2 * ROOF_SHAPES.max_jog_m) ** 2]
     return Polygon(found[0].exterior, rings)
 
 
-def _shared_length(one: Polygon, other: Polygon | MultiPolygon, settings: RoofShapeSettings) -> float:
+def _shared_length(one: Polygon, other: Polygon | MultiPolygon) -> float:
     """Return the metres of outline that two footprints share."""
-    return float(one.boundary.intersection(other.buffer(settings.max_gap_m)).length)
+    return float(one.boundary.intersection(other.buffer(ROOF_SHAPES.max_gap_m)).length)
 
 
-def _extend_gables(outline: Polygon, footprint: Polygon, settings: RoofShapeSettings) -> Polygon:
+def _extend_gables(outline: Polygon, footprint: Polygon) -> Polygon:
     """Extend an outline beyond the free end sides of wings, so that the ridge reaches them."""
     ring = np.asarray(shapely.orient_polygons(outline).exterior.coords)[:-1]
     ahead = np.roll(ring, -1, axis=0) - ring
@@ -163,15 +157,15 @@ def _extend_gables(outline: Polygon, footprint: Polygon, settings: RoofShapeSett
     # counter-clockwise: a left turn is convex
     turn = np.einsum("ij,ij->i", np.roll(along, 1, axis=0), along)
     convex = np.roll(along, 1, axis=0)[:, 0] * along[:, 1] - np.roll(along, 1, axis=0)[:, 1] * along[:, 0] > 0
-    square = convex & (np.abs(turn) < settings.max_square_cosine)
+    square = convex & (np.abs(turn) < ROOF_SHAPES.max_square_cosine)
     shorter = np.minimum(np.roll(length, 1), np.roll(length, -1))
-    ends = np.flatnonzero(square & np.roll(square, -1) & (length < settings.max_gable_side_m) & (length < shorter))
+    ends = np.flatnonzero(square & np.roll(square, -1) & (length < ROOF_SHAPES.max_gable_side_m) & (length < shorter))
     drawn_out = outline
     for edge in ends:
         a, b = ring[edge], ring[(edge + 1) % len(ring)]
-        if footprint.boundary.distance(shapely.Point((a + b) / 2)) > settings.max_jog_m:
+        if footprint.boundary.distance(shapely.Point((a + b) / 2)) > ROOF_SHAPES.max_jog_m:
             continue
-        out = settings.gable_extension * length[edge] * np.array([along[edge, 1], -along[edge, 0]])
+        out = ROOF_SHAPES.gable_extension * length[edge] * np.array([along[edge, 1], -along[edge, 0]])
         # the adjacent sides are extended in their own directions, so that their slopes continue
         left, right = (
             way * dot_product(out, out) / dot_product(way, out)
@@ -179,17 +173,17 @@ def _extend_gables(outline: Polygon, footprint: Polygon, settings: RoofShapeSett
         )
         added = Polygon([a, b, b + right, a + left])
         if added.is_valid and outline.intersection(added).area < 1e-3:
-            grown = shapely.union_all([drawn_out, added], grid_size=settings.grid_m)
+            grown = shapely.union_all([drawn_out, added], grid_size=ROOF_SHAPES.grid_m)
             drawn_out = grown if grown.geom_type == "Polygon" else drawn_out
     return drawn_out
 
 
 def _rectangle_planes(
-    roof: Roof, corners: Float64Array, footprint: Polygon, centre: Float64Array, settings: RoofShapeSettings
+    roof: Roof, corners: Float64Array, footprint: Polygon, centre: Float64Array
 ) -> Float64Array | None:
     """Return planes (k, 3): height over the eaves = a x + b y + c, from the centre; None for an unknown shape."""
     height = roof.height
-    along, across, half_along, half_across, middle = _rectangle(footprint, centre, roof.across, settings)
+    along, across, half_along, half_across, middle = _rectangle(footprint, centre, roof.across)
     if roof.shape in ("skillion", "shed"):
         fall = (
             across
@@ -216,15 +210,15 @@ def _rectangle_planes(
             planes = [side(n, half, height, r) for n, half, r in eaves + hips]
         case "half-hipped":
             planes = [side(n, half, height, r) for n, half, r in eaves]
-            planes += [side(n, half, height, r, settings.half_hip_share * height) for n, half, r in hips]
+            planes += [side(n, half, height, r, ROOF_SHAPES.half_hip_share * height) for n, half, r in hips]
         case "pyramidal":
             planes = [side(n, half, height, half) for n, half, _ in eaves + hips]
         case "gambrel" | "mansard":
             sides = eaves if roof.shape == "gambrel" else eaves + hips
-            steep, left = settings.steep_rise_share * height, (1 - settings.steep_rise_share) * height
-            planes = [side(n, half, steep, settings.steep_run_share * r) for n, half, r in sides]
+            steep, left = ROOF_SHAPES.steep_rise_share * height, (1 - ROOF_SHAPES.steep_rise_share) * height
+            planes = [side(n, half, steep, ROOF_SHAPES.steep_run_share * r) for n, half, r in sides]
             planes += [
-                side(n, half - settings.steep_run_share * r, left, (1 - settings.steep_run_share) * r, steep)
+                side(n, half - ROOF_SHAPES.steep_run_share * r, left, (1 - ROOF_SHAPES.steep_run_share) * r, steep)
                 for n, half, r in sides
             ]
         case _:
@@ -233,14 +227,14 @@ def _rectangle_planes(
 
 
 def _rectangle(
-    footprint: Polygon, centre: Float64Array, turned: bool, settings: RoofShapeSettings
+    footprint: Polygon, centre: Float64Array, turned: bool
 ) -> tuple[Float64Array, Float64Array, float, float, Float64Array]:
     """Return unit vectors along and across the ridge, half the sizes of the rectangle that way, and its middle."""
     corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(footprint))[:4] - centre
     sides = corners[1:3] - corners[:2]
     length = np.hypot(*sides.T)
     # of equal sides the first is parallel to the ridge, independent of rounding
-    first = 0 if length[0] >= length[1] - settings.grid_m else 1
+    first = 0 if length[0] >= length[1] - ROOF_SHAPES.grid_m else 1
     along, across = (sides / length[:, None])[[first, 1 - first]]
     half_along, half_across = length[[first, 1 - first]] / 2
     if turned:
@@ -248,13 +242,11 @@ def _rectangle(
     return along, across, float(half_along), float(half_across), corners.mean(axis=0)
 
 
-def _shell(
-    regions: ObjectArray, rise: RoofHeight, footprint: Polygon, base: float, eaves: float, settings: RoofShapeSettings
-) -> BuildingShell:
+def _shell(regions: ObjectArray, rise: RoofHeight, footprint: Polygon, base: float, eaves: float) -> BuildingShell:
     """Build the closed shell between the base and a roof, given by the regions of its planes and its height."""
     cut = shapely.get_parts(shapely.constrained_delaunay_triangles(regions))
     corners = shapely.get_coordinates(shapely.orient_polygons(cut)).reshape(-1, 4, 2)[:, :3]
-    welded = _weld_to_corners(corners.reshape(-1, 2), shapely.get_coordinates(footprint), settings)
+    welded = _weld_to_corners(corners.reshape(-1, 2), shapely.get_coordinates(footprint))
     points, index = np.unique(welded, axis=0, return_inverse=True)
     top = index.reshape(-1, 3)
     top = top[(top != np.roll(top, 1, axis=1)).all(axis=1)]
@@ -263,7 +255,7 @@ def _shell(
     key, reverse = edges @ [count, 1], edges @ [1, count]
     a, b = edges[~np.isin(key, reverse)].T  # the outline: edges that no other triangle runs back along
     risen = rise(points)
-    risen[risen < settings.grid_m] = 0.0
+    risen[risen < ROOF_SHAPES.grid_m] = 0.0
     # walls end at the eaves; above them, the gables reach up to the roof
     raised = risen > 0
     low_a, low_b = a + 2 * count * raised[a], b + 2 * count * raised[b]
@@ -285,29 +277,27 @@ def _shell(
     )
 
 
-def _weld_to_corners(points: Float64Array, corners: Float64Array, settings: RoofShapeSettings) -> Float64Array:
+def _weld_to_corners(points: Float64Array, corners: Float64Array) -> Float64Array:
     """Return points (n, 2), moved to a corner (k, 2) of the outline within `weld_m`."""
-    distance, nearest = KDTree(corners).query(points, distance_upper_bound=settings.weld_m)
+    distance, nearest = KDTree(corners).query(points, distance_upper_bound=ROOF_SHAPES.weld_m)
     near = np.isfinite(distance)
     welded = points.copy()
     welded[near] = corners[nearest[near]]
     return welded
 
 
-def _plane_regions(
-    footprint: Polygon, planes: Float64Array, centre: Float64Array, settings: RoofShapeSettings
-) -> ObjectArray:
+def _plane_regions(footprint: Polygon, planes: Float64Array, centre: Float64Array) -> ObjectArray:
     """Cut the footprint into the regions of the lowest planes, with shared corners."""
     reach = 2 * footprint.length
-    ridges = [_ridge(planes, i, j, reach, settings) for i in range(len(planes)) for j in range(i)]
+    ridges = [_ridge(planes, i, j, reach) for i in range(len(planes)) for j in range(i)]
     lines = [footprint.boundary, *(LineString(ridge + centre) for ridge in ridges if ridge is not None)]
-    noded = shapely.union_all(lines, grid_size=settings.grid_m)
+    noded = shapely.union_all(lines, grid_size=ROOF_SHAPES.grid_m)
     faces = shapely.get_parts(shapely.polygonize(shapely.get_parts(noded)))
     regions: ObjectArray = faces[shapely.contains(footprint, shapely.point_on_surface(faces))]
     return regions
 
 
-def _ridge(planes: Float64Array, i: int, j: int, reach: float, settings: RoofShapeSettings) -> Float64Array | None:
+def _ridge(planes: Float64Array, i: int, j: int, reach: float) -> Float64Array | None:
     """Return the segment (2, 2) on which planes i and j are the lowest, up to `reach` from the centre; None without."""
     difference = planes[i] - planes[j]
     size = np.hypot(*difference[:2])
@@ -323,4 +313,4 @@ def _ridge(planes: Float64Array, i: int, j: int, reach: float, settings: RoofSha
     grows, falls = slope >= 1e-9, slope <= -1e-9
     low = np.max(-start[grows] / slope[grows], initial=-reach)
     high = np.min(-start[falls] / slope[falls], initial=reach)
-    return np.array([foot + low * ahead, foot + high * ahead]) if high - low > settings.grid_m else None
+    return np.array([foot + low * ahead, foot + high * ahead]) if high - low > ROOF_SHAPES.grid_m else None

@@ -12,14 +12,14 @@ from facade_core.core.arrays import Float64Array
 from facade_core.core.fixed_order import multiply_matrices
 from facade_core.core.types import Building, BuildingShell
 from facade_core.geometry.buildings.facets import Facets
-from facade_core.geometry.buildings.settings import FACETS, NEIGHBOURS, SHELLS, ShellSettings
+from facade_core.geometry.buildings.settings import FACETS, NEIGHBOURS, SHELLS
 from facade_core.geometry.charts import ChartKind, SurfaceTarget, chart_axes_right_down
 from facade_core.geometry.cutting import cut_triangles_on_grid
 from facade_core.geometry.ground.terrain import Terrain, source_ground_height
 from facade_core.geometry.settings import CUTTING
 
 
-def lift_to_ground(shell: BuildingShell, lowest: float, settings: ShellSettings = SHELLS) -> BuildingShell:
+def lift_to_ground(shell: BuildingShell, lowest: float) -> BuildingShell:
     """Lift the part of a shell below the lowest ground around it to that height; closed shells stay closed.
 
     Some models extend down to height 0, metres below their stated ground, and floors would be counted from there.
@@ -28,13 +28,12 @@ def lift_to_ground(shell: BuildingShell, lowest: float, settings: ShellSettings 
     Parameters
     ----------
     lowest : height in metres of the lowest ground.
-    settings : numbers of the step.
     """
     deep, height = shell.vertices[:, 2] < lowest, shell.vertices[:, 2] - lowest
     if (
         not len(height)
-        or height.min() > -settings.min_buried_m
-        or height.max() < settings.min_visible_m
+        or height.min() > -SHELLS.min_buried_m
+        or height.max() < SHELLS.min_visible_m
         or (shell.texture >= 0).any()
     ):
         return shell
@@ -43,9 +42,7 @@ def lift_to_ground(shell: BuildingShell, lowest: float, settings: ShellSettings 
     return replace(shell, vertices=vertices)
 
 
-def lower_to_ground(
-    building: Building, outline: Polygon | MultiPolygon, terrain: Terrain, settings: ShellSettings = SHELLS
-) -> Building:
+def lower_to_ground(building: Building, outline: Polygon | MultiPolygon, terrain: Terrain) -> Building:
     """Lengthen the walls of a building that stands a little above its lowest ground down to it; the roof stays.
 
     Each wall then is one surface from the ground, with the layout of a whole wall. A strip below it would be bare. Raised
@@ -55,7 +52,6 @@ def lower_to_ground(
     ----------
     outline : footprint of the building.
     terrain : ground heights.
-    settings : numbers of the step.
     """
     shell = building.shell
     if building.raised or building.passages or (shell is not None and (shell.texture >= 0).any()):
@@ -64,7 +60,7 @@ def lower_to_ground(
     if foot is None:
         return building
     gap = foot - terrain.lowest_along(outline)
-    if not settings.min_skirt_m < gap <= settings.max_lowered_m:
+    if not SHELLS.min_skirt_m < gap <= SHELLS.max_lowered_m:
         return building
     if shell is None:
         return replace(building, base=foot - gap, height=building.height + gap)
@@ -113,13 +109,7 @@ def add_facet_charts(target: SurfaceTarget, facets: Facets, along: Float64Array 
     )  # fmt: skip
 
 
-def add_skirt_charts(
-    target: SurfaceTarget,
-    facets: Facets,
-    outline: Polygon | MultiPolygon,
-    terrain: Terrain,
-    settings: ShellSettings = SHELLS,
-) -> None:
+def add_skirt_charts(target: SurfaceTarget, facets: Facets, outline: Polygon | MultiPolygon, terrain: Terrain) -> None:
     """Add wall charts from the open lower edges of a shell down to the terrain, one surface per facet.
 
     Parameters
@@ -127,7 +117,6 @@ def add_skirt_charts(
     target : place of the surfaces.
     outline : footprint of the building.
     terrain : ground heights.
-    settings : numbers of the step.
     """
     edges = np.concatenate([facets.triangles[:, [k, (k + 1) % 3]] for k in range(3)])
     key = np.sort(edges, axis=1) @ [len(facets.vertices), 1]
@@ -144,8 +133,8 @@ def add_skirt_charts(
         (uses[of] == 1)
         & (np.abs(facets.normal[facet, 2]) < 0.5)
         & (right > 0.5 * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
-        & (ends[..., 2].max(axis=1) < facets.vertices[:, 2].min() + settings.max_foot_m)
-        & (gap.max(axis=1) > settings.min_skirt_m)
+        & (ends[..., 2].max(axis=1) < facets.vertices[:, 2].min() + SHELLS.max_foot_m)
+        & (gap.max(axis=1) > SHELLS.min_skirt_m)
         & (run > CUTTING.min_wall_piece_m)
     )
     foot &= shapely.distance(outline.boundary, shapely.points(ends.mean(axis=1)[:, :2])) < NEIGHBOURS.neighbour_gap_m

@@ -20,7 +20,7 @@ from shapely import Polygon
 
 from facade_core.core.arrays import Float64Array, Int64Array, ObjectArray
 from facade_core.core.errors import GeometryError
-from facade_core.geometry.buildings.settings import SKELETON, SkeletonSettings
+from facade_core.geometry.buildings.settings import SKELETON
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,7 +121,7 @@ def _cut_traces(stop: Float64Array, foot: Float64Array, reach: float) -> Float64
     return foot + share[:, None] * (stop - foot)
 
 
-def edge_slabs(outline: Polygon, settings: SkeletonSettings = SKELETON) -> EdgeSlabs:
+def edge_slabs(outline: Polygon) -> EdgeSlabs:
     """Compute the slabs of a valid outline, which may have holes.
 
     Raises
@@ -130,7 +130,7 @@ def edge_slabs(outline: Polygon, settings: SkeletonSettings = SKELETON) -> EdgeS
         Where a corner of the outline is a spike.
     """
     outline = shapely.orient_polygons(outline)
-    rings = [_true_corners(np.asarray(ring.coords)[:-1], settings) for ring in (outline.exterior, *outline.interiors)]
+    rings = [_true_corners(np.asarray(ring.coords)[:-1]) for ring in (outline.exterior, *outline.interiors)]
     outline = Polygon(rings[0], rings[1:])
     start = np.concatenate(rings)
     following = np.concatenate([np.roll(ring, -1, axis=0) for ring in rings])
@@ -142,10 +142,10 @@ def edge_slabs(outline: Polygon, settings: SkeletonSettings = SKELETON) -> EdgeS
     turn = along[previous, 0] * along[:, 1] - along[previous, 1] * along[:, 0]
     reflex = np.flatnonzero(turn < 0)
     bend = 1 + np.einsum("ij,ij->i", inward[previous], inward)
-    if (bend[reflex] < settings.min_corner_bend).any():
+    if (bend[reflex] < SKELETON.min_corner_bend).any():
         raise GeometryError("an outline has a spike")
     speed = (inward[previous] + inward)[reflex] / bend[reflex, None]
-    stopped = _motorcycle_stops(start[reflex], speed, start, following, reflex, previous, settings)
+    stopped = _motorcycle_stops(start[reflex], speed, start, following, reflex, previous)
     before, after = np.zeros((len(start), 2)), np.column_stack([length, np.zeros(len(start))])
     trace = stopped[:, None] * speed
     for stops, edge in ((before, reflex), (after, previous[reflex])):
@@ -154,11 +154,11 @@ def edge_slabs(outline: Polygon, settings: SkeletonSettings = SKELETON) -> EdgeS
     return EdgeSlabs(outline, start, along, inward, length, before, after)
 
 
-def _true_corners(ring: Float64Array, settings: SkeletonSettings) -> Float64Array:
+def _true_corners(ring: Float64Array) -> Float64Array:
     """Return a ring without its straight corners."""
     back, ahead = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
     sine = back[:, 0] * ahead[:, 1] - back[:, 1] * ahead[:, 0]
-    kept: Float64Array = ring[np.abs(sine) > settings.min_corner_sine * np.hypot(*back.T) * np.hypot(*ahead.T)]
+    kept: Float64Array = ring[np.abs(sine) > SKELETON.min_corner_sine * np.hypot(*back.T) * np.hypot(*ahead.T)]
     if len(kept) < 3:
         raise GeometryError("an outline has no corners")
     return kept
@@ -171,7 +171,6 @@ def _motorcycle_stops(
     end: Float64Array,
     reflex: Int64Array,
     previous: Int64Array,
-    settings: SkeletonSettings,
 ) -> Float64Array:
     """Return the time at which each motorcycle (m,) meets an edge, or the trace of an earlier one.
 
@@ -181,7 +180,7 @@ def _motorcycle_stops(
     for k in range(len(corner)):
         time, share = _intersect_lines(corner[k], speed[k], start, end - start)
         wall = (
-            (time > 1e-9) & (share >= -settings.corner_tolerance_share) & (share <= 1 + settings.corner_tolerance_share)
+            (time > 1e-9) & (share >= -SKELETON.corner_tolerance_share) & (share <= 1 + SKELETON.corner_tolerance_share)
         )
         wall[[reflex[k], previous[reflex[k]]]] = False
         until[k] = time[wall].min(initial=np.inf)

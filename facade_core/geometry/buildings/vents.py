@@ -15,7 +15,7 @@ from facade_core.core.fixed_order import multiply_matrices
 from facade_core.geometry.buildings.facets import Facets
 from facade_core.geometry.buildings.roof_details import RoofDetail, RoofDetailBuilder
 from facade_core.geometry.buildings.roof_edges import RoofEdge, RoofSurroundings, cut_free_roof_edges, roof_edges
-from facade_core.geometry.buildings.settings import EAVES, ROOF_EDGES, VENTS, VentSettings
+from facade_core.geometry.buildings.settings import EAVES, ROOF_EDGES, VENTS
 from facade_core.geometry.charts import ChartKind
 
 
@@ -45,7 +45,6 @@ def build_vents(
     surroundings: RoofSurroundings,
     eaves_height: float,
     existing: list[RoofDetail | None],
-    settings: VentSettings = VENTS,
 ) -> RoofDetail | None:
     """Build the vents of a pitched roof; a vent has 10 triangles.
 
@@ -57,7 +56,6 @@ def build_vents(
     surroundings : surroundings of the roof's edges.
     eaves_height : metres from the ground to the eaves.
     existing : details that are on the roof already.
-    settings : numbers of the step.
 
     Returns
     -------
@@ -65,27 +63,20 @@ def build_vents(
     """
     edges = [edge for edge in roof_edges(roof, outline) if abs(edge.end[2] - edge.start[2]) < 0.02]
     edges = cut_free_roof_edges(
-        [edge for edge in edges if settings.slope_range[0] < edge.slope < settings.slope_range[1]], surroundings
+        [edge for edge in edges if VENTS.slope_range[0] < edge.slope < VENTS.slope_range[1]], surroundings
     )
     blocked = shapely.union_all(
-        [place.buffer(settings.clearance_m) for trim in existing if trim for place in _facet_areas(trim.facets)]
+        [place.buffer(VENTS.clearance_m) for trim in existing if trim for place in _facet_areas(trim.facets)]
     )
     room = {}
     for facet in {edge.facet for edge in edges}:
         mine = roof.vertices[roof.triangles[roof.facet == facet]]
         room[facet] = shapely.union_all(shapely.polygons(mine[..., :2])).difference(blocked)
-    return _place_vents(
-        id, edges, [room[edge.facet] for edge in edges], surroundings, eaves_height, COWL_SHAPE, settings
-    )
+    return _place_vents(id, edges, [room[edge.facet] for edge in edges], surroundings, eaves_height, COWL_SHAPE)
 
 
 def build_flat_roof_vents(
-    id: str,
-    outline: Polygon,
-    top: float,
-    surroundings: RoofSurroundings,
-    eaves_height: float,
-    settings: VentSettings = VENTS,
+    id: str, outline: Polygon, top: float, surroundings: RoofSurroundings, eaves_height: float
 ) -> RoofDetail | None:
     """Build the vents of a flat roof with a parapet.
 
@@ -96,14 +87,13 @@ def build_flat_roof_vents(
     top : height of the roof in metres.
     surroundings : surroundings of the roof's edges.
     eaves_height : metres from the ground to the roof.
-    settings : numbers of the step.
     """
     ring = np.asarray(shapely.orient_polygons(outline).exterior.coords)
     corners = np.column_stack([ring, np.full(len(ring), top)])
     edges = cut_free_roof_edges(
         [RoofEdge(a, b, -1, 0.0, 0.0) for a, b in zip(corners[:-1], corners[1:], strict=True)], surroundings
     )
-    return _place_vents(id, edges, [outline] * len(edges), surroundings, eaves_height, BOX_SHAPE, settings)
+    return _place_vents(id, edges, [outline] * len(edges), surroundings, eaves_height, BOX_SHAPE)
 
 
 def _place_vents(
@@ -113,31 +103,28 @@ def _place_vents(
     surroundings: RoofSurroundings,
     eaves_height: float,
     size: VentShape,
-    settings: VentSettings,
 ) -> RoofDetail | None:
     """Place vents behind edges, within the free area `room` of each seen from above."""
     seed = blake2b(id.encode(errors="surrogatepass"), digest_size=8, person=b"vents").digest()
     rng = np.random.default_rng(int.from_bytes(seed))
-    if rng.random() > settings.vent_share:
+    if rng.random() > VENTS.vent_share:
         return None
     faces, built = RoofDetailBuilder(), 0
     for edge, free in zip(edges, room, strict=True):
         length = float(np.hypot(*(edge.end - edge.start)[:2]))
-        for _ in range(int(length / settings.spacing_m)):
+        for _ in range(int(length / VENTS.spacing_m)):
             share, *drawn = rng.random(3)
             rise, behind = (low + part * (most - low) for part, (low, most) in zip(drawn, size[1:], strict=True))
             middle = (
                 edge.start[:2]
-                + (settings.end_distance_m + share * (length - 2 * settings.end_distance_m)) * edge.direction
+                + (VENTS.end_distance_m + share * (length - 2 * VENTS.end_distance_m)) * edge.direction
                 - behind * edge.outward
             )
-            if built == settings.max_vents or not _is_in_sight(
-                edge, middle, behind, rise, surroundings, eaves_height, settings
-            ):
+            if built == VENTS.max_vents or not _is_in_sight(edge, middle, behind, rise, surroundings, eaves_height):
                 continue
             square = shapely.box(*(middle - size.half), *(middle + size.half)).buffer(size.half)
             if free.contains(square):
-                _add_vent(faces, edge, middle, behind, rise, size.half, settings)
+                _add_vent(faces, edge, middle, behind, rise, size.half)
                 free, built = free.difference(square.buffer(1.0)), built + 1
     return faces.build() if built else None
 
@@ -149,7 +136,6 @@ def _is_in_sight(
     rise: float,
     surroundings: RoofSurroundings,
     eaves_height: float,
-    settings: VentSettings,
 ) -> bool:
     """Return whether the top of a vent is seen over the roof's edge from a street in front."""
     if not len(surroundings.street_points):
@@ -157,23 +143,17 @@ def _is_in_sight(
     away = multiply_matrices(surroundings.street_points - middle, edge.outward) - behind
     near = away[(away > 1.0) & (np.hypot(*(surroundings.street_points - middle).T) < ROOF_EDGES.max_sight_m)]
     lip = 0.0 if edge.slope else EAVES.parapet_m
-    seen = behind * edge.slope + settings.visible_top * rise - lip
-    return bool(((eaves_height + lip - settings.eye_height_m) * behind < seen * near).any())
+    seen = behind * edge.slope + VENTS.visible_top * rise - lip
+    return bool(((eaves_height + lip - VENTS.eye_height_m) * behind < seen * near).any())
 
 
 def _add_vent(
-    faces: RoofDetailBuilder,
-    edge: RoofEdge,
-    middle: Float64Array,
-    behind: float,
-    rise: float,
-    half: float,
-    settings: VentSettings,
+    faces: RoofDetailBuilder, edge: RoofEdge, middle: Float64Array, behind: float, rise: float, half: float
 ) -> None:
     """Add a vent, with two adjacent sides per chart."""
     ahead, out = half * np.append(edge.direction, 0.0), half * np.append(edge.outward, 0.0)
     level = edge.start[2] + behind * edge.slope
-    foot = np.append(middle, level - half * edge.slope - settings.buried_m)
+    foot = np.append(middle, level - half * edge.slope - VENTS.buried_m)
     top = np.append(middle, level + rise)
     turns = (out - ahead, out + ahead, ahead - out, -ahead - out)  # counter-clockwise from above
     for k in (0, 2):

@@ -14,19 +14,13 @@ from facade_core.core.arrays import Float64Array, Int64Array
 from facade_core.core.fixed_order import multiply_matrices, solve_least_squares, vector_length
 from facade_core.geometry.charts import ChartBuilder, ChartKind, SurfaceTarget, chart_axes_right_down
 from facade_core.geometry.cutting import cut_polygon_on_grid
-from facade_core.geometry.ground.settings import GROUND_CHARTS, GroundChartSettings
+from facade_core.geometry.ground.settings import GROUND_CHARTS
 from facade_core.geometry.ground.terrain import Terrain
 
 _EAST, _SOUTH = np.array([1.0, 0.0, 0.0]), np.array([0.0, -1.0, 0.0])
 
 
-def add_ground_charts(
-    pieces: ChartBuilder,
-    polygons: Sequence[Polygon],
-    terrain: Terrain,
-    grid: float,
-    settings: GroundChartSettings = GROUND_CHARTS,
-) -> None:
+def add_ground_charts(pieces: ChartBuilder, polygons: Sequence[Polygon], terrain: Terrain, grid: float) -> None:
     """Add ground as charts: level ground flat, uneven ground draped over the terrain.
 
     Parameters
@@ -35,14 +29,13 @@ def add_ground_charts(
     polygons : areas of ground.
     terrain : ground heights.
     grid : step of the world grid in metres.
-    settings : numbers of the step.
     """
     if terrain.is_level:
         target = SurfaceTarget(pieces, -1, 0.0, grid)
         for polygon in polygons:
             add_horizontal_surface(target, ChartKind.GROUND, polygon, float(terrain.heights[0, 0]))
         return
-    cut = [_cut_fine(polygon, terrain, grid, settings=settings) for polygon in polygons]
+    cut = [_cut_fine(polygon, terrain, grid) for polygon in polygons]
     lines = _corner_lines([part for pieces_of in cut for part, _ in pieces_of])
     draped = [[_match_corners(part, on_terrain, lines, terrain) for part, on_terrain in pieces_of] for pieces_of in cut]
     for parts in filter(None, draped):
@@ -67,12 +60,7 @@ _CornerLines = tuple[dict[float, Float64Array], dict[float, Float64Array]]
 
 
 def _cut_fine(
-    polygon: Polygon,
-    terrain: Terrain,
-    grid: float,
-    shares: Sequence[int] = GROUND_CHARTS.grid_divisors,
-    *,
-    settings: GroundChartSettings,
+    polygon: Polygon, terrain: Terrain, grid: float, shares: Sequence[int] = GROUND_CHARTS.grid_divisors
 ) -> list[tuple[Polygon, _DrapedPiece]]:
     """Cut ground on the grid, as fine as the terrain below each piece needs."""
     parts = []
@@ -80,8 +68,8 @@ def _cut_fine(
         if part.area < 1e-3:
             continue
         draped = _drape_piece(part, terrain)
-        if len(shares) > 1 and draped[-1] > settings.max_off_plane_m:
-            parts += _cut_fine(part, terrain, grid, shares[1:], settings=settings)
+        if len(shares) > 1 and draped[-1] > GROUND_CHARTS.max_off_plane_m:
+            parts += _cut_fine(part, terrain, grid, shares[1:])
         else:
             parts.append((part, draped))
     return parts

@@ -11,7 +11,7 @@ from shapely.ops import substring
 
 from facade_core.core.arrays import Float64Array
 from facade_core.core.types import SURFACES, GroundArea, GroundWay
-from facade_core.geometry.ground.settings import LAYERS, LayerSettings
+from facade_core.geometry.ground.settings import LAYERS
 
 # Layers, lowest first: areas by surface, pavements, paths by surface, carriageways.
 FIRST_AREA_LAYER = 0
@@ -20,9 +20,7 @@ FIRST_PATH_LAYER = PAVEMENT_LAYER + 1
 ROAD_LAYER = FIRST_PATH_LAYER + len(SURFACES)
 
 
-def join_carriageways(
-    roads: Sequence[GroundWay], settings: LayerSettings = LAYERS
-) -> tuple[shapely.Geometry, shapely.Geometry]:
+def join_carriageways(roads: Sequence[GroundWay]) -> tuple[shapely.Geometry, shapely.Geometry]:
     """Return the union of carriageways with rounded kerbs at corners, and the points of junctions."""
     if not roads:
         return Polygon(), Polygon()
@@ -45,8 +43,8 @@ def join_carriageways(
     union = shapely.union_all([*bands, *joints])
     if not meet:
         return union, Polygon()
-    junctions = shapely.union_all(shapely.buffer(np.array(meet), settings.junction_reach_m))
-    closed = union.buffer(settings.kerb_radius_m, quad_segs=8).buffer(-settings.kerb_radius_m, quad_segs=8)
+    junctions = shapely.union_all(shapely.buffer(np.array(meet), LAYERS.junction_reach_m))
+    closed = union.buffer(LAYERS.kerb_radius_m, quad_segs=8).buffer(-LAYERS.kerb_radius_m, quad_segs=8)
     corners = closed.difference(union).intersection(junctions)
     return shapely.union_all([union, *(part for part in shapely.get_parts(corners) if part.area > 0.01)]), (
         shapely.multipoints(meet)
@@ -69,10 +67,7 @@ def _direction_at(line: LineString, place: shapely.Point) -> Float64Array:
 
 
 def ground_layers(
-    areas: Sequence[GroundArea],
-    ways: Sequence[GroundWay],
-    carriageway: shapely.Geometry,
-    settings: LayerSettings = LAYERS,
+    areas: Sequence[GroundArea], ways: Sequence[GroundWay], carriageway: shapely.Geometry
 ) -> dict[int, shapely.Geometry]:
     """Return the shape of each ground layer, lowest first.
 
@@ -81,7 +76,6 @@ def ground_layers(
     areas : mapped areas.
     ways : mapped ways.
     carriageway : union of the carriageways of these ways.
-    settings : numbers of the step.
     """
     roads = [way for way in ways if way.kind == "road"]
     lines = np.array([way.line for way in roads], object)
@@ -107,7 +101,7 @@ def ground_layers(
             shapes.setdefault(FIRST_PATH_LAYER + SURFACES.index(way.surface), []).append(shape)
     if not carriageway.is_empty:
         shapes[ROAD_LAYER] = [carriageway]
-    return {layer: _close_slits(shapely.union_all(found), settings) for layer, found in sorted(shapes.items())}
+    return {layer: _close_slits(shapely.union_all(found)) for layer, found in sorted(shapes.items())}
 
 
 def _open_lines(line: LineString) -> list[LineString]:
@@ -115,7 +109,7 @@ def _open_lines(line: LineString) -> list[LineString]:
     return [substring(line, start, start + 0.5, normalized=True) for start in (0.0, 0.5)] if line.is_ring else [line]
 
 
-def _close_slits(shape: shapely.Geometry, settings: LayerSettings) -> shapely.Geometry:
+def _close_slits(shape: shapely.Geometry) -> shapely.Geometry:
     """Return a shape without slits, with the inside on the left of its edges."""
-    closed = shape.buffer(settings.max_slit_m, join_style="mitre").buffer(-settings.max_slit_m, join_style="mitre")
-    return shapely.orient_polygons(closed.simplify(settings.max_slit_m / 4))
+    closed = shape.buffer(LAYERS.max_slit_m, join_style="mitre").buffer(-LAYERS.max_slit_m, join_style="mitre")
+    return shapely.orient_polygons(closed.simplify(LAYERS.max_slit_m / 4))

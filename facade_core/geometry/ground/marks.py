@@ -12,7 +12,7 @@ from shapely import LineString
 
 from facade_core.core.arrays import Float64Array
 from facade_core.core.types import GroundWay
-from facade_core.geometry.ground.settings import MARKS, MarkSettings
+from facade_core.geometry.ground.settings import MARKS
 
 
 class GroundMarkKind(IntEnum):
@@ -28,12 +28,7 @@ class GroundMarkKind(IntEnum):
 _MarkRow = tuple[float, float, float, float, float, int, int]
 
 
-def ground_marks(
-    ways: Sequence[GroundWay],
-    carriageway: shapely.Geometry,
-    junctions: shapely.Geometry,
-    settings: MarkSettings = MARKS,
-) -> Float64Array:
+def ground_marks(ways: Sequence[GroundWay], carriageway: shapely.Geometry, junctions: shapely.Geometry) -> Float64Array:
     """Compute all marks of ways.
 
     Dashes count from the world's origin, so that a line that is cut keeps its dashes.
@@ -43,7 +38,6 @@ def ground_marks(
     ways : mapped ways.
     carriageway : union of the carriageways.
     junctions : points at which roads meet.
-    settings : numbers of the step.
 
     Returns
     -------
@@ -51,23 +45,23 @@ def ground_marks(
     """
     roads = [way for way in ways if way.kind == "road"]
     crossings = [way for way in ways if way.kind == "crossing"]
-    clear = [junctions.buffer(settings.junction_clearance_m)] if not junctions.is_empty else []
-    clear += [way.line.buffer(2.5 * settings.bar_half_size_m[1], cap_style="flat") for way in crossings]
+    clear = [junctions.buffer(MARKS.junction_clearance_m)] if not junctions.is_empty else []
+    clear += [way.line.buffer(2.5 * MARKS.bar_half_size_m[1], cap_style="flat") for way in crossings]
     kept_clear = shapely.union_all(clear) if clear else shapely.Point()
     # crossings that are mapped twice are drawn once
     kept: list[LineString] = []
     rows: list[_MarkRow] = []
     for way in roads:
-        rows += _covers_and_patches(way, carriageway, kept_clear, settings)
-        rows += _lane_lines(way, kept_clear, settings)
-        rows += _parking_lines(way, kept_clear, settings)
-        rows += _edge_lines(way, kept_clear, settings)
-        rows += _stop_lines(way, roads, crossings, settings)
+        rows += _covers_and_patches(way, carriageway, kept_clear)
+        rows += _lane_lines(way, kept_clear)
+        rows += _parking_lines(way, kept_clear)
+        rows += _edge_lines(way, kept_clear)
+        rows += _stop_lines(way, roads, crossings)
     for way in crossings:
         middle = way.line.intersection(carriageway).centroid
         if not middle.is_empty and all(middle.distance(other) > 4.0 for other in kept):
             kept.append(way.line)
-            rows += _crossing_bars(way.line, carriageway, settings)
+            rows += _crossing_bars(way.line, carriageway)
     for way in ways:
         if way.kind == "tram":
             for side in (-0.5, 0.5):
@@ -75,7 +69,7 @@ def ground_marks(
                 rows += [(*piece, 0.075, GroundMarkKind.JOINT, 0) for piece in _straight_pieces(rail)]
                 rows += [(*piece, 0.035, GroundMarkKind.STEEL, 0) for piece in _straight_pieces(rail)]
         elif way.kind == "steps":
-            rows += _step_edges(way, settings)
+            rows += _step_edges(way)
     table = np.array(rows, np.float64).reshape(-1, 7)
     return table[np.argsort(table[:, 5], kind="stable")]
 
@@ -105,7 +99,7 @@ def _dashes(
                 yield x0 + low * east, y0 + low * north, x0 + high * east, y0 + high * north, east, north
 
 
-def _lane_lines(way: GroundWay, clear: shapely.Geometry, settings: MarkSettings) -> list[_MarkRow]:
+def _lane_lines(way: GroundWay, clear: shapely.Geometry) -> list[_MarkRow]:
     """Return dashes between the marked lanes of an asphalt road."""
     rows: list[_MarkRow] = []
     if way.surface != "asphalt" or way.lanes < 2:
@@ -122,13 +116,13 @@ def _lane_lines(way: GroundWay, clear: shapely.Geometry, settings: MarkSettings)
         pieces = (
             _straight_pieces(line)
             if middle
-            else (dash[:4] for dash in _dashes(line, settings.dash_m, settings.dash_period_m))
+            else (dash[:4] for dash in _dashes(line, MARKS.dash_m, MARKS.dash_period_m))
         )
-        rows += [(*piece, settings.line_half_width_m, GroundMarkKind.PAINT, 0) for piece in pieces]
+        rows += [(*piece, MARKS.line_half_width_m, GroundMarkKind.PAINT, 0) for piece in pieces]
     return rows
 
 
-def _parking_lines(way: GroundWay, clear: shapely.Geometry, settings: MarkSettings) -> list[_MarkRow]:
+def _parking_lines(way: GroundWay, clear: shapely.Geometry) -> list[_MarkRow]:
     """Return the lines between parking places along the kerb."""
     rows: list[_MarkRow] = []
     for side, wide in zip((1.0, -1.0), way.parking, strict=True):
@@ -136,7 +130,7 @@ def _parking_lines(way: GroundWay, clear: shapely.Geometry, settings: MarkSettin
             continue
         edge = side * (way.width / 2 - wide)
         line = shapely.difference(shapely.offset_curve(way.line, edge, join_style="mitre"), clear)
-        for x, y, _, _, east, north in _dashes(line, 0.12, settings.parking_place_m):
+        for x, y, _, _, east, north in _dashes(line, 0.12, MARKS.parking_place_m):
             # to the kerb: left of the line's own direction, which _dashes may have turned
             outward = np.array([-north, east])
             middle = shapely.Point(x + outward[0], y + outward[1])
@@ -147,26 +141,22 @@ def _parking_lines(way: GroundWay, clear: shapely.Geometry, settings: MarkSettin
     return rows
 
 
-def _edge_lines(way: GroundWay, clear: shapely.Geometry, settings: MarkSettings) -> list[_MarkRow]:
+def _edge_lines(way: GroundWay, clear: shapely.Geometry) -> list[_MarkRow]:
     """Return lines along the kerbs of a road with marked lanes that is large or has no pavement; none along parked cars."""
     rows: list[_MarkRow] = []
     if way.surface != "asphalt" or way.lanes < 2:
         return rows
     for side, parked, pavement in zip((1.0, -1.0), way.parking, way.pavement, strict=True):
-        if parked == 0 and way.rank >= (settings.min_edged_rank if pavement > 0 else settings.min_bare_edged_rank):
-            line = shapely.offset_curve(
-                way.line, side * (way.width / 2 - settings.edge_line_offset_m), join_style="mitre"
-            )
+        if parked == 0 and way.rank >= (MARKS.min_edged_rank if pavement > 0 else MARKS.min_bare_edged_rank):
+            line = shapely.offset_curve(way.line, side * (way.width / 2 - MARKS.edge_line_offset_m), join_style="mitre")
             rows += [
-                (*piece, settings.line_half_width_m, GroundMarkKind.PAINT, 0)
+                (*piece, MARKS.line_half_width_m, GroundMarkKind.PAINT, 0)
                 for piece in _straight_pieces(shapely.difference(line, clear))
             ]
     return rows
 
 
-def _stop_lines(
-    way: GroundWay, roads: Sequence[GroundWay], crossings: Sequence[GroundWay], settings: MarkSettings
-) -> list[_MarkRow]:
+def _stop_lines(way: GroundWay, roads: Sequence[GroundWay], crossings: Sequence[GroundWay]) -> list[_MarkRow]:
     """Return stop lines before crossings, and where a road ends at one of higher rank.
 
     Traffic is taken to keep right.
@@ -178,25 +168,25 @@ def _stop_lines(
     for crossing in crossings:
         place = shapely.intersection(way.line, crossing.line).centroid
         if not place.is_empty and all(
-            abs(way.line.project(place) - other) > settings.stop_distance_m for other in crossed
+            abs(way.line.project(place) - other) > MARKS.stop_distance_m for other in crossed
         ):
             crossed.append(way.line.project(place))
-    if way.lanes >= 2 or way.rank >= settings.min_stop_rank:
+    if way.lanes >= 2 or way.rank >= MARKS.min_stop_rank:
         for along in crossed:
-            rows += _stop_line(way, along - settings.stop_distance_m, 1.0, settings)
-            rows += _stop_line(way, along + settings.stop_distance_m, -1.0, settings)
+            rows += _stop_line(way, along - MARKS.stop_distance_m, 1.0)
+            rows += _stop_line(way, along + MARKS.stop_distance_m, -1.0)
     for end, at, forward in ((way.line.coords[0], 0.0, -1.0), (way.line.coords[-1], way.line.length, 1.0)):
         place = shapely.Point(end)
         above = [other for other in roads if other.rank > way.rank and other.line.distance(place) < 0.05]
         first, second, _ = _hash_place(*end)
-        marked = way.lanes >= 2 or (way.rank >= 3 and first + second < 2 * settings.stop_at_end_share)
-        if above and marked and not any(abs(along - at) < 3 * settings.stop_distance_m for along in crossed):
-            away = max(other.width for other in above) / 2 + settings.stop_distance_m / 2
-            rows += _stop_line(way, at - forward * away, forward, settings)
+        marked = way.lanes >= 2 or (way.rank >= 3 and first + second < 2 * MARKS.stop_at_end_share)
+        if above and marked and not any(abs(along - at) < 3 * MARKS.stop_distance_m for along in crossed):
+            away = max(other.width for other in above) / 2 + MARKS.stop_distance_m / 2
+            rows += _stop_line(way, at - forward * away, forward)
     return rows
 
 
-def _stop_line(way: GroundWay, at: float, forward: float, settings: MarkSettings) -> list[_MarkRow]:
+def _stop_line(way: GroundWay, at: float, forward: float) -> list[_MarkRow]:
     """Return the stop line at a distance along a road, for traffic along it (1) or against it (-1)."""
     if not 0.5 < at < way.line.length - 0.5 or (way.oneway and forward < 0):
         return []
@@ -204,22 +194,22 @@ def _stop_line(way: GroundWay, at: float, forward: float, settings: MarkSettings
     run = forward * (after - before) / max(float(np.hypot(*(after - before))), 1e-9)
     right = np.array([run[1], -run[0]])
     left_m, right_m = (
-        way.width / 2 - parked - settings.stop_kerb_gap_m for parked in way.parking[:: 1 if forward > 0 else -1]
+        way.width / 2 - parked - MARKS.stop_kerb_gap_m for parked in way.parking[:: 1 if forward > 0 else -1]
     )
     middle = (before + after) / 2
-    start = middle + right * (-left_m if way.oneway else settings.line_half_width_m)
+    start = middle + right * (-left_m if way.oneway else MARKS.line_half_width_m)
     return [
         (
             *start.tolist(),
             *(middle + right * right_m).tolist(),
-            settings.stop_line_half_width_m,
+            MARKS.stop_line_half_width_m,
             GroundMarkKind.PAINT,
             0,
         )
     ]
 
 
-def _crossing_bars(line: LineString, carriageway: shapely.Geometry, settings: MarkSettings) -> list[_MarkRow]:
+def _crossing_bars(line: LineString, carriageway: shapely.Geometry) -> list[_MarkRow]:
     """Return the bars of a crossing, parallel to the road."""
     rows: list[_MarkRow] = []
     on_road = shapely.intersection(line, carriageway.buffer(-0.35))
@@ -228,16 +218,16 @@ def _crossing_bars(line: LineString, carriageway: shapely.Geometry, settings: Ma
             continue
         ends = shapely.get_coordinates(part)[[0, -1]]
         across = (ends[1] - ends[0]) / max(float(np.hypot(*(ends[1] - ends[0]))), 1e-9)
-        along = np.array([-across[1], across[0]]) * settings.bar_half_size_m[1]
+        along = np.array([-across[1], across[0]]) * MARKS.bar_half_size_m[1]
         length = float(np.hypot(*(ends[1] - ends[0])))
-        count = int(length // settings.bar_period_m)
+        count = int(length // MARKS.bar_period_m)
         for number in range(count):
-            middle = ends[0] + across * (length / 2 + (number - (count - 1) / 2) * settings.bar_period_m)
+            middle = ends[0] + across * (length / 2 + (number - (count - 1) / 2) * MARKS.bar_period_m)
             rows.append(
                 (
                     *(middle - along).tolist(),
                     *(middle + along).tolist(),
-                    settings.bar_half_size_m[0],
+                    MARKS.bar_half_size_m[0],
                     GroundMarkKind.PAINT,
                     0,
                 )
@@ -245,9 +235,9 @@ def _crossing_bars(line: LineString, carriageway: shapely.Geometry, settings: Ma
     return rows
 
 
-def _step_edges(way: GroundWay, settings: MarkSettings) -> list[_MarkRow]:
+def _step_edges(way: GroundWay) -> list[_MarkRow]:
     rows: list[_MarkRow] = []
-    for x, y, _, _, east, north in _dashes(way.line, 0.05, settings.stair_period_m):
+    for x, y, _, _, east, north in _dashes(way.line, 0.05, MARKS.stair_period_m):
         reach = way.width / 2
         rows.append(
             (x - reach * -north, y - reach * east, x + reach * -north, y + reach * east, 0.02, GroundMarkKind.JOINT, 0)
@@ -255,22 +245,20 @@ def _step_edges(way: GroundWay, settings: MarkSettings) -> list[_MarkRow]:
     return rows
 
 
-def _covers_and_patches(
-    way: GroundWay, carriageway: shapely.Geometry, clear: shapely.Geometry, settings: MarkSettings
-) -> list[_MarkRow]:
+def _covers_and_patches(way: GroundWay, carriageway: shapely.Geometry, clear: shapely.Geometry) -> list[_MarkRow]:
     """Return manholes, gullies at the kerbs and patches, random by place."""
     rows: list[_MarkRow] = []
     half = way.width / 2
     if half < 1.6:
         return rows
-    for x0, y0, _, _, east, north in _dashes(way.line, 0.02, settings.gully_spacing_m):
+    for x0, y0, _, _, east, north in _dashes(way.line, 0.02, MARKS.gully_spacing_m):
         for side in (-1.0, 1.0):
             x, y = x0 - side * north * (half - 0.27), y0 + side * east * (half - 0.27)
             if clear.distance(shapely.Point(x, y)) != 0:
                 rows.append(
                     (x - 0.25 * east, y - 0.25 * north, x + 0.25 * east, y + 0.25 * north, 0.18, GroundMarkKind.IRON, 0)
                 )
-    for x0, y0, _, _, east, north in _dashes(way.line, 0.02, settings.cover_spacing_m):
+    for x0, y0, _, _, east, north in _dashes(way.line, 0.02, MARKS.cover_spacing_m):
         first, second, third = _hash_place(x0, y0)
         x, y = x0 + east * 30 * (first - 0.5), y0 + north * 30 * (first - 0.5)
         aside = (0.5 if second < 0.6 else -0.45) * half
@@ -281,7 +269,7 @@ def _covers_and_patches(
             )
     if way.surface != "asphalt":
         return rows
-    for x0, y0, _, _, east, north in _dashes(way.line, 0.02, settings.patch_spacing_m):
+    for x0, y0, _, _, east, north in _dashes(way.line, 0.02, MARKS.patch_spacing_m):
         first, second, third = _hash_place(x0 + 7, y0)
         if third < 0.5:
             continue

@@ -18,7 +18,7 @@ from facade_core.core.types import SURFACES, GroundArea, GroundWay, MappedGround
 from facade_core.geometry.charts import ChartKind, Charts
 from facade_core.geometry.ground.layers import ground_layers, join_carriageways
 from facade_core.geometry.ground.marks import ground_marks
-from facade_core.geometry.ground.settings import SHAPES, ShapeSettings
+from facade_core.geometry.ground.settings import SHAPES
 
 # Side in metres of a lookup cell, which lists the shapes near it.
 LOOKUP_CELL_M = 1.0
@@ -167,10 +167,7 @@ class GroundTiles:
 
 
 def _join_tiles(
-    tile_index: Int32Array,
-    tiles: Sequence[tuple[int, ...]],
-    parts: Sequence[tuple[AnyArray, ...]],
-    settings: ShapeSettings = SHAPES,
+    tile_index: Int32Array, tiles: Sequence[tuple[int, ...]], parts: Sequence[tuple[AnyArray, ...]]
 ) -> GroundTileArrays:
     if len(parts) == 1:
         layers, layer, inside, first, edges, frames, frame, marks, mark = parts[0]
@@ -186,7 +183,7 @@ def _join_tiles(
         columns = list(zip(*parts, strict=True)) or [(one,) for one in (*empty, *more)]
         layers, first, frames, marks = (_join_starts(columns[k]) for k in (0, 3, 5, 7))
         layer, inside, edges, frame, mark = (np.concatenate(columns[k]) for k in (1, 2, 4, 6, 8))
-    low = np.array(tiles, np.float64).reshape(-1, 2) * settings.ground_tile_m
+    low = np.array(tiles, np.float64).reshape(-1, 2) * SHAPES.ground_tile_m
     return GroundTileArrays(tile_index, low, layers, layer, inside, first, edges, frames, frame, marks, mark)
 
 
@@ -197,7 +194,7 @@ def _join_starts(parts: Sequence[Int64Array]) -> Int64Array:
     )
 
 
-def build_tile_arrays(piece: GroundTileShapes, settings: ShapeSettings = SHAPES) -> tuple[AnyArray, ...]:
+def build_tile_arrays(piece: GroundTileShapes) -> tuple[AnyArray, ...]:
     """Build the columns of `GroundTileArrays` of one tile, from start_layer on."""
     roads = [way for way in piece.ways if way.kind == "road"]
     carriageway, junctions = join_carriageways(roads)
@@ -205,7 +202,7 @@ def build_tile_arrays(piece: GroundTileShapes, settings: ShapeSettings = SHAPES)
     frames = _road_segments(roads)
     drawn = ground_marks(piece.ways, carriageway, junctions)
     low = np.array(piece.low)
-    return (*_list_layers(low, layers, settings), *_list_roads(low, frames, settings), *_list_marks(low, drawn))
+    return (*_list_layers(low, layers), *_list_roads(low, frames), *_list_marks(low, drawn))
 
 
 def _road_segments(roads: Sequence[GroundWay]) -> Float64Array:
@@ -234,12 +231,10 @@ def _cell_middles(low: Float64Array) -> Float64Array:
     return low + LOOKUP_CELL_M * (np.column_stack([column, row]) + 0.5)
 
 
-def _list_layers(
-    low: Float64Array, layers: dict[int, shapely.Geometry], settings: ShapeSettings
-) -> tuple[AnyArray, ...]:
+def _list_layers(low: Float64Array, layers: dict[int, shapely.Geometry]) -> tuple[AnyArray, ...]:
     middle = _cell_middles(low)
     points, count = shapely.points(middle), len(middle)
-    box = shapely.box(*(low - 3 * LOOKUP_CELL_M), *(low + settings.ground_tile_m + 3 * LOOKUP_CELL_M))
+    box = shapely.box(*(low - 3 * LOOKUP_CELL_M), *(low + SHAPES.ground_tile_m + 3 * LOOKUP_CELL_M))
     reach = LOOKUP_CELL_M * np.sqrt(0.5) + EDGE_REACH_M
     covered = np.zeros(count, np.int64)  # topmost layer that covers the cell wholly
     found = []
@@ -274,14 +269,14 @@ def _list_layers(
     return start, layer_of[by_cell], inside_of[by_cell], first, edges[by_entry]
 
 
-def _list_roads(low: Float64Array, frames: Float64Array, settings: ShapeSettings) -> tuple[Int64Array, Float64Array]:
+def _list_roads(low: Float64Array, frames: Float64Array) -> tuple[Int64Array, Float64Array]:
     """List per cell the road segments that may be nearest to a place in it, by distance less half width."""
     if not len(frames):
         return np.zeros(CELLS_PER_SIDE * CELLS_PER_SIDE + 1, np.int64), np.zeros((0, 9))
     middle = _cell_middles(low)
     away = _road_distances(middle, frames)
     near = (away <= away.min(axis=1, keepdims=True) + LOOKUP_CELL_M * np.sqrt(2.0)) & (
-        away < settings.ground_tile_margin_m - LOOKUP_CELL_M
+        away < SHAPES.ground_tile_margin_m - LOOKUP_CELL_M
     )
     near |= away < LOOKUP_CELL_M  # the carriageway may cover a place in the cell
     cell, frame = np.nonzero(near)

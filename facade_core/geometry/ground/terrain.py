@@ -11,7 +11,7 @@ from shapely import Polygon
 
 from facade_core.core.arrays import Float64Array
 from facade_core.core.types import Building, ElevationRaster
-from facade_core.geometry.ground.settings import TERRAIN, TerrainSettings
+from facade_core.geometry.ground.settings import TERRAIN
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,9 +63,7 @@ def source_ground_height(building: Building) -> float | None:
     return None
 
 
-def build_terrain(
-    buildings: Sequence[Building], elevation: ElevationRaster | None, settings: TerrainSettings = TERRAIN
-) -> Terrain:
+def build_terrain(buildings: Sequence[Building], elevation: ElevationRaster | None) -> Terrain:
     """Build the terrain of a block from a raster, else from the buildings' bases, else level at 0.
 
     Unknown cells take the nearest height. Outlier bases are replaced by the median of their neighbours. Equal bases
@@ -74,7 +72,6 @@ def build_terrain(
     Parameters
     ----------
     elevation : raster of ground heights; ignored where all of it is unknown.
-    settings : numbers of the step.
     """
     if elevation is not None and np.isfinite(elevation.heights).any():
         return _terrain_from_raster(elevation)
@@ -86,7 +83,7 @@ def build_terrain(
     heights = np.array([base for _, base in bases])
     if len(bases) == 0 or np.ptp(heights) == 0:
         return Terrain(0.0, 0.0, 1.0, np.full((1, 1), heights[0] if len(bases) else 0.0))
-    return _terrain_from_bases([building.footprint for building, _ in bases], heights, settings)
+    return _terrain_from_bases([building.footprint for building, _ in bases], heights)
 
 
 def _terrain_from_raster(elevation: ElevationRaster) -> Terrain:
@@ -103,19 +100,19 @@ def _terrain_from_raster(elevation: ElevationRaster) -> Terrain:
     return Terrain(elevation.x, south, elevation.step, heights[::-1])
 
 
-def _terrain_from_bases(outlines: Sequence[Polygon], bases: Float64Array, settings: TerrainSettings) -> Terrain:
+def _terrain_from_bases(outlines: Sequence[Polygon], bases: Float64Array) -> Terrain:
     """Triangulate the outlines' corners at their bases, rasterise and smooth."""
     from scipy.interpolate import LinearNDInterpolator
     from scipy.ndimage import gaussian_filter
     from scipy.spatial import cKDTree
 
     middles = shapely.get_coordinates(shapely.centroid(np.asarray(outlines, object)))
-    bases = _replace_outliers(middles, bases, settings)
+    bases = _replace_outliers(middles, bases)
     if np.ptp(bases) == 0:
         return Terrain(0.0, 0.0, 1.0, bases[:1, None])
     corners, owner = shapely.get_coordinates(np.asarray(outlines, object), return_index=True)
-    low, high = corners.min(axis=0) - settings.raster_margin_m, corners.max(axis=0) + settings.raster_margin_m
-    step = max(settings.min_raster_step_m, float(np.sqrt(np.prod(high - low) / settings.max_raster_cells)))
+    low, high = corners.min(axis=0) - TERRAIN.raster_margin_m, corners.max(axis=0) + TERRAIN.raster_margin_m
+    step = max(TERRAIN.min_raster_step_m, float(np.sqrt(np.prod(high - low) / TERRAIN.max_raster_cells)))
     # on a grid and rounded to millimetres, so that the ground does not move when the block changes elsewhere
     low = np.floor(low / step) * step
     columns, rows = np.ceil((high - low) / step).astype(int) + 1
@@ -129,23 +126,23 @@ def _terrain_from_bases(outlines: Sequence[Polygon], bases: Float64Array, settin
         -1, 2
     )
     # relative to a near origin: the precision of the triangulation depends on the size of the coordinates
-    centre = np.round(points.mean(axis=0) / settings.local_origin_grid_m) * settings.local_origin_grid_m
+    centre = np.round(points.mean(axis=0) / TERRAIN.local_origin_grid_m) * TERRAIN.local_origin_grid_m
     raster = np.round(LinearNDInterpolator(points - centre, heights)(at - centre), 3)
     outside = ~np.isfinite(raster)
     raster[outside] = heights[cKDTree(points).query(at[outside])[1]]
-    smooth = gaussian_filter(raster.reshape(rows, columns), settings.smooth_m / step, mode="nearest")
+    smooth = gaussian_filter(raster.reshape(rows, columns), TERRAIN.smooth_m / step, mode="nearest")
     return Terrain(float(low[0]), float(low[1]), step, smooth)
 
 
-def _replace_outliers(middles: Float64Array, bases: Float64Array, settings: TerrainSettings) -> Float64Array:
+def _replace_outliers(middles: Float64Array, bases: Float64Array) -> Float64Array:
     """Replace outliers among bases (n,) by the median of their neighbours."""
     from scipy.spatial import cKDTree
 
     if len(bases) < 4:
         return bases
-    near = cKDTree(middles).query(middles, k=min(settings.outlier_neighbours + 1, len(bases)))[1]
+    near = cKDTree(middles).query(middles, k=min(TERRAIN.outlier_neighbours + 1, len(bases)))[1]
     others = np.where(near == np.arange(len(bases))[:, None], np.nan, bases[near])
     median = np.nanmedian(others, axis=1)
     spread = np.nanmedian(np.abs(others - median[:, None]), axis=1)
-    wild = np.abs(bases - median) > settings.min_outlier_m + settings.min_outlier_spreads * spread
+    wild = np.abs(bases - median) > TERRAIN.min_outlier_m + TERRAIN.min_outlier_spreads * spread
     return np.where(wild, median, bases)

@@ -151,7 +151,7 @@ def _clear_matching_ground(scene: Scene, chart: int, shown: Sequence[_GroundView
 
 def _ground_view(scene: Scene, chart: int, camera: PanoramaCamera) -> _GroundView:
     """Rectify a chart in the common exposure, within the camera's reach; nearer than min_ground_distance_m it is occluded."""
-    size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
+    size = scene.placement.shape(chart)
     distance = _ground_distance(scene, chart, camera.pose)
     view = rectify_chart_from_panorama(scene, chart, camera.image, camera.pose, size, camera.occluded)
     reach = camera_reach(camera.pose, GROUND_REACH_M)

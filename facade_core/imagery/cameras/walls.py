@@ -69,7 +69,7 @@ def select_trusted_wall_texels(
 def _low_texels(scene: Scene, chart: int, camera: PanoramaCamera) -> BoolArray:
     """Texels (h, w) bool so far below a camera that objects on the ground may occlude them; no roof from above is."""
     if scene.charts.kind[chart] == ChartKind.ROOF and camera.pose.is_aerial:
-        return np.zeros((int(scene.placement.height[chart]), int(scene.placement.width[chart])), bool)
+        return np.zeros(scene.placement.shape(chart), bool)
     rows, columns = (np.arange(int(n)) + 0.5 for n in (scene.placement.height[chart], scene.placement.width[chart]))
     return np.asarray(
         texel_points(scene, chart, rows, columns)[..., 2]
@@ -79,7 +79,7 @@ def _low_texels(scene: Scene, chart: int, camera: PanoramaCamera) -> BoolArray:
 
 def _wall_view(scene: Scene, chart: int, camera: PanoramaCamera, coverage: BoolArray) -> ChartView:
     """Rectify a chart in the common exposure, within the camera's reach."""
-    size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
+    size = scene.placement.shape(chart)
     points = texel_points(scene, chart, np.arange(size[0]) + 0.5, np.arange(size[1]) + 0.5)
     reach = camera_reach(camera.pose, WALL_REACH_M)
     is_near = np.linalg.norm(points - camera_position(camera.pose), axis=2) <= reach
@@ -91,7 +91,7 @@ def chart_coverage_mask(scene: Scene, chart: int) -> BoolArray:
     """Return the texels (h, w) bool that a chart's triangles cover; the sky next to a gable is not covered."""
     import cv2
 
-    drawn = np.zeros((int(scene.placement.height[chart]), int(scene.placement.width[chart])), np.uint8)
+    drawn = np.zeros(scene.placement.shape(chart), np.uint8)
     mesh = scene.mesh
     corners = mesh.triangles[mesh.chart_triangles(chart)]
     flat = scene.charts.coordinates(np.full(corners.size, chart), mesh.vertices[corners].reshape(-1, 3))

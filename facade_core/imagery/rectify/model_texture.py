@@ -36,7 +36,7 @@ def render_model_texture(scene: Scene, chart: int, images: Mapping[int, UInt8Arr
     rgb (h, w, 3) uint8 and covered (h, w) bool.
     """
     mesh, charts = scene.mesh, scene.charts
-    shape = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
+    shape = scene.placement.shape(chart)
     rgb, covered = np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.bool_)
     triangles = mesh.chart_triangles(chart)
     corners = mesh.vertices[mesh.triangles[triangles]] - charts.origin[chart]

@@ -138,12 +138,7 @@ def nearby_panoramas(scene: Scene, charts: Int32Array, poses: Sequence[Pose]) ->
 
 
 def chart_point_view_quality(
-    scene: Scene,
-    chart: int,
-    poses: Sequence[Pose],
-    image_sizes: Sequence[tuple[int, int]],
-    *,
-    max_distance: float = MAX_SIGHTING_DISTANCE_M,
+    scene: Scene, chart: int, poses: Sequence[Pose], image_sizes: Sequence[tuple[int, int]]
 ) -> Float64Array:
     """Compute how well each panorama shows the sample points of a chart, 0 to 1.
 
@@ -153,7 +148,6 @@ def chart_point_view_quality(
     chart : index of the chart.
     poses : poses of the panoramas.
     image_sizes : height and width of the panoramas in pixels.
-    max_distance : largest distance in metres.
 
     Returns
     -------
@@ -162,7 +156,7 @@ def chart_point_view_quality(
     """
     points = _sample_points(scene, chart)
     visibility = np.zeros((len(poses), len(points)))
-    for view in _point_views(scene, chart, poses, image_sizes, max_distance):
+    for view in _point_views(scene, chart, poses, image_sizes, MAX_SIGHTING_DISTANCE_M):
         sharpness = np.minimum(1.0, view.resolution / scene.placement.texels_per_metre[chart])
         visibility[view.panorama, view.usable] = sharpness * view.sine
     return visibility

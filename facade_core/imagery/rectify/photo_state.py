@@ -9,7 +9,7 @@ from facade_core.core.errors import ImageError
 from facade_core.core.labels import FacadeClass
 from facade_core.core.resizing import resize_image
 from facade_core.imagery.rectify.no_data import no_data_mask
-from facade_core.imagery.rectify.settings import PHOTO_CHECKS, PhotoChecks
+from facade_core.imagery.rectify.settings import PHOTO_CHECKS
 from facade_core.parsing.segmenter import Surroundings
 
 # What rights a photo, by the quarter turns counterclockwise.
@@ -25,9 +25,7 @@ BORDER_SIDE_PX, BRIGHTNESS_SIDE_PX = 640, 96
 DIRECTION_SIDE_PX = 96
 
 
-def check_photo_state(
-    image: UInt8Array, hidden: BoolArray, seen: Surroundings, *, checks: PhotoChecks = PHOTO_CHECKS
-) -> None:
+def check_photo_state(image: UInt8Array, hidden: BoolArray, seen: Surroundings) -> None:
     """Raise ImageError for a rectified photo that is upside down or on its side, or was taken at night.
 
     Parameters
@@ -35,28 +33,25 @@ def check_photo_state(
     image : (H, W, 3) uint8, rectified.
     hidden : (H, W) bool, pixels that do not show the photo.
     seen : the segmented image.
-    checks : tuned numbers.
     """
-    if _upright_evidence(seen.labels, hidden) < checks.min_upright_evidence:
-        probability = _turn_probabilities(image, hidden, checks)
+    if _upright_evidence(seen.labels, hidden) < PHOTO_CHECKS.min_upright_evidence:
+        probability = _turn_probabilities(image, hidden)
         best = int(probability.argmax())
-        if best and probability[best] > checks.min_turn_probability:
+        if best and probability[best] > PHOTO_CHECKS.min_turn_probability:
             raise ImageError(REMEDIES[best])
     brightness = image.max(axis=2)
     facade, above = ~(seen.outside | hidden), seen.outside & ~hidden
     above[len(above) // 2 :] = False
     if not facade.any():
         return
-    sky = float(np.median(brightness[above])) if above.mean() >= checks.min_sky_share else np.inf
+    sky = float(np.median(brightness[above])) if above.mean() >= PHOTO_CHECKS.min_sky_share else np.inf
     lit, middle = np.percentile(brightness[facade], [90, 50]).tolist()
-    max_night_sky = min(checks.max_rectified_night_sky, checks.max_night_sky_ratio * middle)
-    if lit < checks.min_lit_brightness or sky < max_night_sky:
+    max_night_sky = min(PHOTO_CHECKS.max_rectified_night_sky, PHOTO_CHECKS.max_night_sky_ratio * middle)
+    if lit < PHOTO_CHECKS.min_lit_brightness or sky < max_night_sky:
         raise ImageError(AT_NIGHT)
 
 
-def check_daylight(
-    image: UInt8Array, hidden: BoolArray, exposure: float | None, *, checks: PhotoChecks = PHOTO_CHECKS
-) -> None:
+def check_daylight(image: UInt8Array, hidden: BoolArray, exposure: float | None) -> None:
     """Raise ImageError for a photo as taken that was taken at night, by its exposure, else by its brightness.
 
     Parameters
@@ -64,10 +59,9 @@ def check_daylight(
     image : (H, W, 3) uint8.
     hidden : (H, W) bool, pixels that do not show the photo; so do borders without data.
     exposure : exposure value of the photo at ISO 100; None if unknown.
-    checks : tuned numbers.
     """
     if exposure is not None:
-        if exposure < checks.min_daylight_exposure:
+        if exposure < PHOTO_CHECKS.min_daylight_exposure:
             raise ImageError(AT_NIGHT)
         return
     image, hidden = _shrink(image, hidden, BORDER_SIDE_PX)
@@ -78,7 +72,7 @@ def check_daylight(
         return
     both = np.concatenate([upper, rest])
     measured = [np.median(upper), np.percentile(upper, 90), np.percentile(both, 99), np.median(rest)]
-    if (np.log(np.array(measured) + 8) * checks.night_weights).sum() + checks.night_bias > 0:
+    if (np.log(np.array(measured) + 8) * PHOTO_CHECKS.night_weights).sum() + PHOTO_CHECKS.night_bias > 0:
         raise ImageError(AT_NIGHT)
 
 
@@ -108,12 +102,14 @@ def measure_direction(image: UInt8Array) -> Float64Array:
     )
 
 
-def _turn_probabilities(image: UInt8Array, hidden: BoolArray, checks: PhotoChecks) -> Float64Array:
+def _turn_probabilities(image: UInt8Array, hidden: BoolArray) -> Float64Array:
     """Return the probability (4,) that a picture is upright after each number of quarter turns counterclockwise."""
     size = (DIRECTION_SIDE_PX, DIRECTION_SIDE_PX)
     filled = np.where(hidden[..., None], image[~hidden].mean(axis=0).astype(np.uint8), image)
     small = resize_image(filled, size)
-    score = np.array([(measure_direction(np.rot90(small, turns)) * checks.turn_weights).sum() for turns in range(4)])
+    score = np.array(
+        [(measure_direction(np.rot90(small, turns)) * PHOTO_CHECKS.turn_weights).sum() for turns in range(4)]
+    )
     odds = np.exp(score - score.max())
     return np.asarray(odds / odds.sum())
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from facade_core.core.arrays import AnyArray, Float32Array, Float64Array, UInt8Array
-from facade_core.street.lighting.settings import SKY_LOOK, SkySettings
+from facade_core.street.lighting.settings import SKY_LOOK
 
 HORIZON_COLOUR = np.array([222.0, 231.0, 238.0])
 ZENITH_COLOUR = np.array([104.0, 151.0, 205.0])
@@ -34,7 +34,7 @@ def sky_colour(up: Float64Array) -> Float64Array:
     return colour
 
 
-def backdrop_colour(rays: Float64Array, settings: SkySettings = SKY_LOOK) -> Float64Array:
+def backdrop_colour(rays: Float64Array) -> Float64Array:
     """Compute the colour behind the block.
 
     Two rows of roofs in the haze close the horizon. They are not from a map but hashed from the direction.
@@ -42,7 +42,6 @@ def backdrop_colour(rays: Float64Array, settings: SkySettings = SKY_LOOK) -> Flo
     Parameters
     ----------
     rays : (..., 3) unit directions.
-    settings : numbers of the step.
 
     Returns
     -------
@@ -50,19 +49,17 @@ def backdrop_colour(rays: Float64Array, settings: SkySettings = SKY_LOOK) -> Flo
     """
     colour = sky_colour(rays[..., 2])
     slope = rays[..., 2] / np.maximum(np.hypot(rays[..., 0], rays[..., 1]), 1e-6)
-    below_roofs = (slope < max(lowest + higher for _, lowest, higher, _ in settings.rooflines)) & (
-        slope > -settings.max_wall_drop - settings.roofline_blur
+    below_roofs = (slope < max(lowest + higher for _, lowest, higher, _ in SKY_LOOK.rooflines)) & (
+        slope > -SKY_LOOK.max_wall_drop - SKY_LOOK.roofline_blur
     )
-    colour[below_roofs] = _add_rooflines(colour[below_roofs], rays[below_roofs], slope[below_roofs], settings)
+    colour[below_roofs] = _add_rooflines(colour[below_roofs], rays[below_roofs], slope[below_roofs])
     return colour
 
 
-def _add_rooflines(
-    colour: Float64Array, rays: Float64Array, slope: Float64Array, settings: SkySettings
-) -> Float64Array:
+def _add_rooflines(colour: Float64Array, rays: Float64Array, slope: Float64Array) -> Float64Array:
     """Add rows of roofs to colours (k, 3) in directions (k, 3) with slopes (k,)."""
     around = (np.arctan2(rays[:, 0], rays[:, 1]) / (2 * np.pi)) % 1.0
-    for row, (houses, lowest, higher, haze) in enumerate(settings.rooflines):
+    for row, (houses, lowest, higher, haze) in enumerate(SKY_LOOK.rooflines):
         position = around * houses
         house = np.minimum(position, houses - 1).astype(np.uint32)
         height = lowest + higher * _hash_numbers(house, 3 * row)
@@ -70,8 +67,8 @@ def _add_rooflines(
         height *= 1 - np.where(_hash_numbers(house, 3 * row + 1) < 0.5, 0.4 * np.abs(position - house - 0.5), 0.0)
         tone = HOUSE_COLOUR * (0.9 + 0.2 * _hash_numbers(house, 3 * row + 2))[:, None]
         tone[slope > 0.8 * height] = ROOF_COLOUR
-        covers = np.clip((height - slope) / settings.roofline_blur, 0.0, 1.0) * np.clip(
-            1 + (slope + settings.max_wall_drop) / settings.roofline_blur, 0.0, 1.0
+        covers = np.clip((height - slope) / SKY_LOOK.roofline_blur, 0.0, 1.0) * np.clip(
+            1 + (slope + SKY_LOOK.max_wall_drop) / SKY_LOOK.roofline_blur, 0.0, 1.0
         )
         colour = colour + covers[:, None] * (tone + haze * (HORIZON_COLOUR - tone) - colour)
     return colour

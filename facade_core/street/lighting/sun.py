@@ -9,7 +9,7 @@ from facade_core.core.fixed_order import multiply_matrices
 from facade_core.core.types import Sun
 from facade_core.geometry.charts import Charts
 from facade_core.geometry.scene import Scene
-from facade_core.street.lighting.settings import SUNLIGHT, SunSettings
+from facade_core.street.lighting.settings import SUNLIGHT
 
 # Light of the sky alone, red, green and blue; shadows are cooler.
 SKY_LIGHT = np.array([0.75, 0.77, 0.81])
@@ -23,7 +23,7 @@ def sun_direction(sun: Sun) -> Float64Array:
     return np.array([np.sin(azimuth) * np.cos(elevation), np.cos(azimuth) * np.cos(elevation), np.sin(elevation)])
 
 
-def sun_disk_rays(sun: Sun, settings: SunSettings = SUNLIGHT) -> Float64Array:
+def sun_disk_rays(sun: Sun) -> Float64Array:
     """Return unit directions (`disk_rays`, 3) that cover the sun's disk evenly.
 
     They lie on a spiral of equal areas.
@@ -31,10 +31,10 @@ def sun_disk_rays(sun: Sun, settings: SunSettings = SUNLIGHT) -> Float64Array:
     towards = sun_direction(sun)
     right = np.cross(towards, [0.0, 0.0, 1.0])
     right /= np.sqrt((right**2).sum())
-    radius = np.tan(np.radians(settings.disk_radius_deg)) * np.sqrt(
-        (np.arange(settings.disk_rays) + 0.5) / settings.disk_rays
+    radius = np.tan(np.radians(SUNLIGHT.disk_radius_deg)) * np.sqrt(
+        (np.arange(SUNLIGHT.disk_rays) + 0.5) / SUNLIGHT.disk_rays
     )
-    angle = np.pi * (3 - np.sqrt(5)) * np.arange(settings.disk_rays)
+    angle = np.pi * (3 - np.sqrt(5)) * np.arange(SUNLIGHT.disk_rays)
     rays = (
         towards + np.outer(radius * np.cos(angle), right) + np.outer(radius * np.sin(angle), np.cross(right, towards))
     )
@@ -42,7 +42,7 @@ def sun_disk_rays(sun: Sun, settings: SunSettings = SUNLIGHT) -> Float64Array:
     return directions
 
 
-def sunlight_share(scene: Scene, chart: int, sun: Sun, settings: SunSettings = SUNLIGHT) -> Float32Array:
+def sunlight_share(scene: Scene, chart: int, sun: Sun) -> Float32Array:
     """Compute the share of sunlight (h, w) float32 on a chart.
 
     The share is the cosine of incidence where the sun is unoccluded, 0 in full shadow.
@@ -52,7 +52,6 @@ def sunlight_share(scene: Scene, chart: int, sun: Sun, settings: SunSettings = S
     scene : the block's geometry.
     chart : row of the chart.
     sun : position of the sun.
-    settings : numbers of the step.
     """
     import cv2
 
@@ -62,19 +61,19 @@ def sunlight_share(scene: Scene, chart: int, sun: Sun, settings: SunSettings = S
     cosine = float((normal * sun_direction(sun)).sum())
     if cosine <= 0:
         return np.zeros((height, width), np.float32)
-    step = max(1, round(settings.sun_cell_m * density))
+    step = max(1, round(SUNLIGHT.sun_cell_m * density))
     rows, columns = -(-height // step), -(-width // step)
     y, x = ((np.arange(n) + 0.5) * step / density for n in (rows, columns))
     x, y = np.minimum(x, charts.size[chart, 0]), np.minimum(y, charts.size[chart, 1])
     visible_share = np.empty((rows, columns), np.float32)
-    towards = sun_disk_rays(sun, settings=settings)
-    batch_rows = max(1, settings.ray_batch // (columns * settings.disk_rays))
+    towards = sun_disk_rays(sun)
+    batch_rows = max(1, SUNLIGHT.ray_batch // (columns * SUNLIGHT.disk_rays))
     for first in range(0, rows, batch_rows):
         batch = slice(first, first + batch_rows)
-        points = charts.points(chart, x[None, :], y[batch, None]) + settings.ray_lift_m * normal
-        rays = np.broadcast_to(towards, (*points.shape[:2], settings.disk_rays, 3))
+        points = charts.points(chart, x[None, :], y[batch, None]) + SUNLIGHT.ray_lift_m * normal
+        rays = np.broadcast_to(towards, (*points.shape[:2], SUNLIGHT.disk_rays, 3))
         depth, _ = scene.caster.cast(np.broadcast_to(points[:, :, None], rays.shape), rays)
-        visible_share[batch] = (depth > settings.max_shadow_reach_m).mean(axis=2)
+        visible_share[batch] = (depth > SUNLIGHT.max_shadow_reach_m).mean(axis=2)
     resized = cv2.resize(visible_share, (columns * step, rows * step), interpolation=cv2.INTER_LINEAR)
     return cosine * resized.reshape(rows * step, columns * step)[:height, :width]
 

@@ -14,7 +14,7 @@ from facade_core.facade.texture.label_expansion import choose_sources
 from facade_core.facade.texture.mosaic import fill_from_chosen_sources
 from facade_core.facade.texture.source_costs import UNUSABLE_PRICE, SourceCosts
 from facade_core.facade.texture.translations import correlate_masked
-from facade_core.street.materials.settings import EXAMPLE_FILL, ExampleFillSettings
+from facade_core.street.materials.settings import EXAMPLE_FILL
 
 
 def fill_by_example(
@@ -24,7 +24,6 @@ def fill_by_example(
     kinds: UInt8Array,
     density: float,
     max_distance_m: float = EXAMPLE_FILL.max_fill_m,
-    settings: ExampleFillSettings = EXAMPLE_FILL,
 ) -> tuple[UInt8Array, BoolArray]:
     """Fill unknown texels by example from known ones.
 
@@ -36,7 +35,6 @@ def fill_by_example(
     kinds : (h, w) uint8 kind of ground by the map.
     density : texels per metre.
     max_distance_m : greatest distance from known texels, metres.
-    settings : numbers of the step.
 
     Returns
     -------
@@ -45,22 +43,22 @@ def fill_by_example(
     import cv2
 
     nothing = np.zeros(known.shape, bool)
-    if known.sum() < settings.min_example_m2 * density**2 or known.all():
+    if known.sum() < EXAMPLE_FILL.min_example_m2 * density**2 or known.all():
         return image, nothing
     away = cv2.distanceTransform((~known).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)
     wanted = ~known & fillable & (away <= max_distance_m * density)
-    factor = max(1, round(settings.source_cell_m * density))
+    factor = max(1, round(EXAMPLE_FILL.source_cell_m * density))
     out, done = image, known
-    for _ in range(settings.max_rounds):
+    for _ in range(EXAMPLE_FILL.max_rounds):
         before = done
-        out, done = _copy_parts(out, done, wanted & ~done, kinds, factor, factor / density, settings)
+        out, done = _copy_parts(out, done, wanted & ~done, kinds, factor, factor / density)
         if (done | ~wanted).all() or (done == before).all():
             break
     filled = done & wanted
     if not filled.any():
         return image, nothing
     # sources are fitted to a texel, so that a few texels between parts stay empty
-    side = max(3, round(settings.max_crack_m * density))
+    side = max(3, round(EXAMPLE_FILL.max_crack_m * density))
     opened = cv2.morphologyEx((wanted & ~done).astype(np.uint8), cv2.MORPH_OPEN, np.ones((side, side), np.uint8)) > 0
     cracks = wanted & ~done & ~opened
     if cracks.any():
@@ -71,13 +69,7 @@ def fill_by_example(
 
 
 def _copy_parts(
-    image: UInt8Array,
-    known: BoolArray,
-    wanted: BoolArray,
-    kind: UInt8Array,
-    factor: int,
-    step: float,
-    settings: ExampleFillSettings,
+    image: UInt8Array, known: BoolArray, wanted: BoolArray, kind: UInt8Array, factor: int, step: float
 ) -> tuple[UInt8Array, BoolArray]:
     """Copy parts to the wanted texels that translations reach.
 
@@ -85,10 +77,10 @@ def _copy_parts(
     """
     small, clear, hidden, kinds = _reduce_to_cells(image, known, wanted, kind, factor)
     rows, columns = np.nonzero(hidden)
-    moves = _best_translations(small, clear, step, settings) if len(rows) else np.zeros((0, 2), np.int64)
+    moves = _best_translations(small, clear, step) if len(rows) else np.zeros((0, 2), np.int64)
     if not len(moves):
         return image, known
-    offers = _source_offers(small, clear, kinds, np.column_stack([rows, columns]), moves, step, settings)
+    offers = _source_offers(small, clear, kinds, np.column_stack([rows, columns]), moves, step)
     reachable = (offers.price < UNUSABLE_PRICE).any(axis=0)
     if not reachable.any():
         return image, known
@@ -104,10 +96,10 @@ def _copy_parts(
     )
     chosen = np.full(hidden.shape, -1)
     chosen[cells[:, 0], cells[:, 1]] = choose_sources(
-        offers, edges, _seam_costs(small, clear, cells, moves, settings), settings.seam_cost
+        offers, edges, _seam_costs(small, clear, cells, moves), EXAMPLE_FILL.seam_cost
     )
     maps = np.column_stack([moves, np.zeros(len(moves), np.int64)])
-    return fill_from_chosen_sources(image, known, chosen, maps, factor, settings.context_m / step)
+    return fill_from_chosen_sources(image, known, chosen, maps, factor, EXAMPLE_FILL.context_m / step)
 
 
 def _reduce_to_cells(
@@ -130,7 +122,7 @@ def _reduce_to_cells(
     return small, clear, hidden, np.pad(kind, pad, mode="edge")[factor // 2 :: factor, factor // 2 :: factor]
 
 
-def _best_translations(small: Float32Array, clear: BoolArray, step: float, settings: ExampleFillSettings) -> Int64Array:
+def _best_translations(small: Float32Array, clear: BoolArray, step: float) -> Int64Array:
     """Find translations (k, 2) in cells, down and right, under which the clear cells match best.
 
     Score: normalised correlation of detail, for all translations at once.
@@ -139,33 +131,27 @@ def _best_translations(small: Float32Array, clear: BoolArray, step: float, setti
 
     height, width = clear.shape
     weight = clear.astype(np.float32)
-    sigma = settings.shading_sigma_m / step
+    sigma = EXAMPLE_FILL.shading_sigma_m / step
     local = cv2.GaussianBlur(small * weight[..., None], (0, 0), sigma)
     local = local / np.maximum(cv2.GaussianBlur(weight, (0, 0), sigma), 1e-4)[..., None]
     # colour and detail: kerbs and carriageway edges show in both
     detail = (small - 0.7 * local - 0.3 * small[clear].mean(axis=0)).mean(axis=2) * weight
     score, seen = correlate_masked(detail, clear, detail, clear)
     down, right = np.mgrid[-height + 1 : height, -width + 1 : width]
-    usable = (np.hypot(down, right) * step >= settings.min_translation_m) & (
-        seen >= settings.min_overlap_share * clear.sum()
+    usable = (np.hypot(down, right) * step >= EXAMPLE_FILL.min_translation_m) & (
+        seen >= EXAMPLE_FILL.min_overlap_share * clear.sum()
     )
     # long translations overlap little and fit by chance more often
-    score = np.where(usable, score * np.clip(seen / clear.sum(), 0, 1) ** settings.overlap_exponent, -1.0).astype(
+    score = np.where(usable, score * np.clip(seen / clear.sum(), 0, 1) ** EXAMPLE_FILL.overlap_exponent, -1.0).astype(
         np.float32
     )
     top = (score == cv2.dilate(score, np.ones((5, 5), np.uint8))) & usable
-    best = np.argsort(-score[top], kind="stable")[: settings.max_translations]
+    best = np.argsort(-score[top], kind="stable")[: EXAMPLE_FILL.max_translations]
     return np.stack([down[top][best], right[top][best]], axis=1).astype(np.int64)
 
 
 def _source_offers(
-    small: Float32Array,
-    clear: BoolArray,
-    kinds: UInt8Array,
-    cells: Int64Array,
-    moves: Int64Array,
-    step: float,
-    settings: ExampleFillSettings,
+    small: Float32Array, clear: BoolArray, kinds: UInt8Array, cells: Int64Array, moves: Int64Array, step: float
 ) -> SourceCosts:
     """Compute colour and cost of every translation (k, 2) at cells (n, 2).
 
@@ -174,7 +160,7 @@ def _source_offers(
     import cv2
 
     usual = 2 * float(small[clear].var(axis=0).mean())
-    side = 2 * round(settings.context_m / step) + 1
+    side = 2 * round(EXAMPLE_FILL.context_m / step) + 1
     price = np.full((len(moves), len(cells)), UNUSABLE_PRICE, np.float32)
     colour = np.zeros((len(moves), len(cells), 3), np.float32)
     for k, move in enumerate(moves):
@@ -184,11 +170,13 @@ def _source_offers(
         total, count = (
             cv2.blur(raster, (side, side), borderType=cv2.BORDER_CONSTANT) for raster in (error, comparable)
         )
-        near = (total + settings.evidence_prior * settings.no_evidence_cost * usual) / (count + settings.evidence_prior)
+        near = (total + EXAMPLE_FILL.evidence_prior * EXAMPLE_FILL.no_evidence_cost * usual) / (
+            count + EXAMPLE_FILL.evidence_prior
+        )
         target, source = cells[inside], sources[inside]
         wrong = kinds[target[:, 0], target[:, 1]] != kinds[source[:, 0], source[:, 1]]
-        far = settings.cost_per_metre * step * float(np.hypot(*move))
-        price[k, inside] = near[target[:, 0], target[:, 1]] + usual * (settings.other_kind_cost * wrong + far)
+        far = EXAMPLE_FILL.cost_per_metre * step * float(np.hypot(*move))
+        price[k, inside] = near[target[:, 0], target[:, 1]] + usual * (EXAMPLE_FILL.other_kind_cost * wrong + far)
         colour[k, inside] = small[source[:, 0], source[:, 1]]
     return SourceCosts(price, colour)
 
@@ -213,9 +201,7 @@ def _translation_errors(small: Float32Array, clear: BoolArray, move: Int64Array)
     return error, comparable
 
 
-def _seam_costs(
-    small: Float32Array, clear: BoolArray, cells: Int64Array, moves: Int64Array, settings: ExampleFillSettings
-) -> Float32Array:
+def _seam_costs(small: Float32Array, clear: BoolArray, cells: Int64Array, moves: Int64Array) -> Float32Array:
     """Compute the cost (k, n) of the seam to clear neighbours under every translation."""
     cost = np.zeros((len(moves), len(cells)), np.float32)
     for offset in np.array([(0, 1), (0, -1), (1, 0), (-1, 0)]):
@@ -227,6 +213,6 @@ def _seam_costs(
             both[both] = clear[sources[both, 0], sources[both, 1]]
             a, b = neighbours[both], sources[both]
             cost[k, both] += (
-                2 * settings.seam_cost * np.abs(small[a[:, 0], a[:, 1]] - small[b[:, 0], b[:, 1]]).sum(axis=1)
+                2 * EXAMPLE_FILL.seam_cost * np.abs(small[a[:, 0], a[:, 1]] - small[b[:, 0], b[:, 1]]).sum(axis=1)
             )
     return cost

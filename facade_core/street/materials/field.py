@@ -43,7 +43,7 @@ from facade_core.street.materials.roofs import (
     SHEET_METAL_PALETTE,
     SLATE_PALETTE,
 )
-from facade_core.street.materials.settings import MATERIAL_FIELD, FieldSettings
+from facade_core.street.materials.settings import MATERIAL_FIELD
 from facade_core.street.materials.tiled_material import TiledMaterial
 from facade_core.street.propagation.render import daylight_grey
 from facade_core.street.propagation.sampling import DaylightGrids
@@ -223,7 +223,7 @@ class MaterialField:
     def chart_raster(self, chart: int) -> UInt8Array:
         """Compute the material of a whole chart, (h, w, 3) uint8."""
         placement = self._scene.placement
-        out = np.empty((int(placement.height[chart]), int(placement.width[chart]), 3), np.uint8)
+        out = np.empty((*placement.shape(chart), 3), np.uint8)
         flat = out.reshape(-1, 3)
         for start in range(0, len(flat), MATERIAL_FIELD.paint_batch_texels):
             part = flat[start : start + MATERIAL_FIELD.paint_batch_texels]
@@ -273,9 +273,7 @@ class MaterialField:
         return self.arrays._replace(ground=self._ground.build_arrays(charts)), lights
 
 
-def _build_surfaces(
-    scene: Scene, seed: int, *, has_roof_picture: bool, settings: FieldSettings = MATERIAL_FIELD
-) -> ChartMaterials:
+def _build_surfaces(scene: Scene, seed: int, *, has_roof_picture: bool) -> ChartMaterials:
     charts, mesh = scene.charts, scene.mesh
     vertex_chart = mesh.vertex_chart
     wall = charts.kind[vertex_chart] == ChartKind.WALL
@@ -297,20 +295,25 @@ def _build_surfaces(
     )[charts.kind]
     roof = charts.kind == ChartKind.ROOF
     # aerial models have steps between roofs as steep roofs, which carry no tiles
-    steep = roof & (np.abs(normal[:, 2]) < settings.max_wall_cosine)
+    steep = roof & (np.abs(normal[:, 2]) < MATERIAL_FIELD.max_wall_cosine)
     chart_material[steep] = SurfaceMaterial.PLASTER
     roof &= ~steep
     number = scene.building_hashes[charts.building]
-    chart_material[roof & (normal[:, 2] > settings.max_tiled_cosine)] = SurfaceMaterial.SHEET_METAL
-    level, draw = roof & (normal[:, 2] > settings.max_sheet_metal_cosine), kernels.hash_uniform_array(number, seed + 83)
-    chart_material[level & (draw < settings.flat_felt_share + settings.flat_gravel_share)] = SurfaceMaterial.ROOF_GRAVEL
-    chart_material[level & (draw < settings.flat_felt_share)] = SurfaceMaterial.FELT
+    chart_material[roof & (normal[:, 2] > MATERIAL_FIELD.max_tiled_cosine)] = SurfaceMaterial.SHEET_METAL
+    level, draw = (
+        roof & (normal[:, 2] > MATERIAL_FIELD.max_sheet_metal_cosine),
+        kernels.hash_uniform_array(number, seed + 83),
+    )
+    chart_material[level & (draw < MATERIAL_FIELD.flat_felt_share + MATERIAL_FIELD.flat_gravel_share)] = (
+        SurfaceMaterial.ROOF_GRAVEL
+    )
+    chart_material[level & (draw < MATERIAL_FIELD.flat_felt_share)] = SurfaceMaterial.FELT
     if has_roof_picture:
         chart_material[roof] = SurfaceMaterial.ROOF_PICTURE
     if scene.finishes:
         bricks = np.array([finish.wall_material == "brick" for finish in scene.finishes])
         chart_material[(chart_material == SurfaceMaterial.PLASTER) & bricks[charts.building]] = SurfaceMaterial.BRICK
-        stated_roof = np.array([_stated_roof_material(finish, settings) for finish in scene.finishes])[charts.building]
+        stated_roof = np.array([_stated_roof_material(finish) for finish in scene.finishes])[charts.building]
         known = roof & (chart_material != SurfaceMaterial.ROOF_PICTURE) & (charts.building >= 0) & (stated_roof >= 0)
         chart_material[known] = stated_roof[known]
     grey = daylight_grey(normal)
@@ -353,17 +356,17 @@ def _build_surfaces(
     start[np.isin(charts.kind, (ChartKind.WINDOW, ChartKind.DOOR))] = 0.0
     frames = (charts.origin, charts.axis_u, charts.axis_v, charts.size)
     # sky above the horizon
-    sky = np.maximum(0.5 + 0.5 * normal[:, 2], settings.min_open_sky)
+    sky = np.maximum(0.5 + 0.5 * normal[:, 2], MATERIAL_FIELD.min_open_sky)
     examples = np.zeros(len(charts), np.int64)
     for material, example in MATERIAL_GRAINS.items():
         examples[chart_material == material] = example
     rendered = (chart_material == SurfaceMaterial.PLASTER) & (
-        kernels.hash_uniform_array(number, seed + 73) < settings.rough_plaster_share
+        kernels.hash_uniform_array(number, seed + 73) < MATERIAL_FIELD.rough_plaster_share
     )
     examples[rendered] = GrainKind.PLASTER_ROUGH
     mossy = np.where(
-        normal[:, 1] > settings.min_north_cosine,
-        settings.max_moss_share * kernels.hash_uniform_array(number, seed + 79),
+        normal[:, 1] > MATERIAL_FIELD.min_north_cosine,
+        MATERIAL_FIELD.max_moss_share * kernels.hash_uniform_array(number, seed + 79),
         0.0,
     )
     return ChartMaterials(
@@ -371,7 +374,7 @@ def _build_surfaces(
     )
 
 
-def _stated_roof_material(finish: BuildingFinish, settings: FieldSettings) -> int:
+def _stated_roof_material(finish: BuildingFinish) -> int:
     """Return the stated material of a roof, -1 if none is stated.
 
     A colour that no tile has means sheet metal.
@@ -381,6 +384,6 @@ def _stated_roof_material(finish: BuildingFinish, settings: FieldSettings) -> in
             return material
     if finish.roof_material is None and finish.roof_colour is not None:
         red, green, blue = finish.roof_colour
-        if green > red + settings.min_cool_excess or blue > red + settings.min_cool_excess:
+        if green > red + MATERIAL_FIELD.min_cool_excess or blue > red + MATERIAL_FIELD.min_cool_excess:
             return SurfaceMaterial.SHEET_METAL
     return -1

@@ -23,7 +23,7 @@ from facade_core.core.arrays import Float32Array, Float64Array, Int64Array, UInt
 from facade_core.core.hash_uniform import COLUMN_FACTOR, SEED_FACTOR, hash_cell_row, hash_to_random_bits
 from facade_core.core.numba_cache import njit
 from facade_core.core.types import MATERIALS
-from facade_core.street.materials.settings import GRAIN, GrainSettings
+from facade_core.street.materials.settings import GRAIN
 
 # Shipped examples, in the order of the file.
 EXAMPLE_NAMES = ("asphalt", "gravel", "grass", "earth", "concrete", "plaster-fine", "plaster-rough", "metal", "boards")
@@ -129,9 +129,7 @@ class WeightedGrain(NamedTuple):
     uses_colour: bool = False
 
 
-def learn_grain(
-    picture: UInt8Array, width: float, *, structure: float | None = None, settings: GrainSettings = GRAIN
-) -> GrainExample:
+def learn_grain(picture: UInt8Array, width: float, *, structure: float | None = None) -> GrainExample:
     """Learn a grain example from a tileable picture.
 
     Parameters
@@ -139,7 +137,6 @@ def learn_grain(
     picture : (h, w, 3) uint8, tileable; h is w divided by an integer.
     width : metres.
     structure : removes structures larger than this, metres, where joints are drawn procedurally.
-    settings : numbers of the step.
     """
     import cv2
 
@@ -158,18 +155,18 @@ def learn_grain(
     share = (np.arange(tone.size) + 0.5) / tone.size
     gaussian = np.empty(tone.size)
     gaussian[order] = special.ndtri(share)
-    tile = np.clip(np.rint(128 + settings.values_per_sd * gaussian), 0, 255).astype(np.uint8).reshape(tone.shape)
-    shares = special.ndtr((np.arange(256) - 128) / settings.values_per_sd)
+    tile = np.clip(np.rint(128 + GRAIN.values_per_sd * gaussian), 0, 255).astype(np.uint8).reshape(tone.shape)
+    shares = special.ndtr((np.arange(256) - 128) / GRAIN.values_per_sd)
     table = np.interp(shares, share, tone.reshape(-1)[order]).astype(np.float32)
     return GrainExample(tile, table, width, colour, slope)
 
 
-def build_grain_tables(kinds: Sequence[WeightedGrain], settings: GrainSettings = GRAIN) -> GrainTables:
+def build_grain_tables(kinds: Sequence[WeightedGrain]) -> GrainTables:
     """Build the kernel tables of grains. A shared example is stored once."""
     examples = {id(grain.example): grain.example for grain in kinds}
     values, first, bits, tables, start = [], [], [], [], 0
     for example in examples.values():
-        gaussian = (example.tile.astype(np.float64) - 128) / settings.values_per_sd
+        gaussian = (example.tile.astype(np.float64) - 128) / GRAIN.values_per_sd
         transformed = np.fft.rfft2(gaussian - gaussian.mean())
         for level in range(GRAIN_LEVELS):
             box = 2 ** (level / 4)
@@ -180,14 +177,14 @@ def build_grain_tables(kinds: Sequence[WeightedGrain], settings: GrainSettings =
             window = np.outer(down, across)
             averaged = np.fft.irfft2(transformed * window, gaussian.shape)
             sd = max(float(averaged.std()), 1e-6)
-            side = min(TILE_PIXELS, max(8, 2 ** int(np.ceil(np.log2(settings.pixels_per_box * TILE_PIXELS / box)))))
+            side = min(TILE_PIXELS, max(8, 2 ** int(np.ceil(np.log2(GRAIN.pixels_per_box * TILE_PIXELS / box)))))
             every = TILE_PIXELS // side
             picked = averaged[every // 2 :: every, every // 2 :: every] / sd
-            values.append(np.clip(np.rint(128 + settings.values_per_sd * picked), 0, 255).astype(np.uint8).reshape(-1))
+            values.append(np.clip(np.rint(128 + GRAIN.values_per_sd * picked), 0, 255).astype(np.uint8).reshape(-1))
             first.append(start)
             bits.append(side.bit_length() - 1)
             start += side * side
-            tables.append(_averaged_table(example.table.astype(np.float64), min(sd, 1.0), settings))
+            tables.append(_averaged_table(example.table.astype(np.float64), min(sd, 1.0)))
     row = [list(examples).index(id(grain.example)) for grain in kinds]
     shape = (len(examples), GRAIN_LEVELS)
     unknown = np.full(3, np.nan)
@@ -202,14 +199,14 @@ def build_grain_tables(kinds: Sequence[WeightedGrain], settings: GrainSettings =
     )
 
 
-def _averaged_table(table: Float64Array, sd: float, settings: GrainSettings) -> Float64Array:
+def _averaged_table(table: Float64Array, sd: float) -> Float64Array:
     """Return the inverse table of a level whose values have a deviation of `sd`.
 
     The rest of the variance is inside the box.
     """
     within = np.sqrt(max(1 - sd * sd, 0.0))
     nodes, weights = np.polynomial.hermite_e.hermegauss(15)
-    value = sd * (np.arange(256) - 128)[:, None] + within * settings.values_per_sd * nodes
+    value = sd * (np.arange(256) - 128)[:, None] + within * GRAIN.values_per_sd * nodes
     averaged: Float64Array = (np.interp(value, np.arange(256) - 128, table) * (weights / weights.sum())).sum(axis=1)
     return averaged
 

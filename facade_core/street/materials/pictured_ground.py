@@ -15,7 +15,7 @@ import numpy as np
 from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int64Array, UInt8Array
 from facade_core.core.hash_uniform import COLUMN_FACTOR, SEED_FACTOR, hash_cell_row, hash_to_random_bits
 from facade_core.core.numba_cache import njit
-from facade_core.street.materials.settings import GROUND_KERNELS, PICTURED_GROUND, PicturedGroundSettings
+from facade_core.street.materials.settings import GROUND_KERNELS, PICTURED_GROUND
 
 # Height of a lattice row, as a share of the distance between its points.
 ROW_HEIGHT = np.sqrt(3) / 2
@@ -62,16 +62,13 @@ class PicturedGround(NamedTuple):
     colour: Float64Array
 
 
-def learn_pictured_ground(
-    pictures: Sequence[GroundPicture], surfaces: int, settings: PicturedGroundSettings = PICTURED_GROUND
-) -> PicturedGround:
+def learn_pictured_ground(pictures: Sequence[GroundPicture], surfaces: int) -> PicturedGround:
     """Learn an example of every surface that pictures show enough plain ground of.
 
     Parameters
     ----------
     pictures : pieces of ground.
     surfaces : number of surfaces.
-    settings : numbers of the step.
     """
     texels = [np.zeros((0, one.rgb.shape[1], 3), np.uint8) for one in pictures]
     windows, spacings, colours = [], np.ones(surfaces), np.zeros((surfaces, 3))
@@ -81,12 +78,12 @@ def learn_pictured_ground(
         found = np.zeros((0, 3), np.int64)
         if len(seen):
             typical = colours[surface] = np.maximum(np.median(seen, axis=0), 1)
-            plain = [_plain_ground(one, mask, typical, settings) for one, mask in zip(pictures, shown, strict=True)]
-            spacings[surface], found = _find_windows(pictures, plain, settings)
+            plain = [_plain_ground(one, mask, typical) for one, mask in zip(pictures, shown, strict=True)]
+            spacings[surface], found = _find_windows(pictures, plain)
             for number in np.unique(found[:, 0]).tolist():
                 if not len(texels[number]):
                     texels[number] = np.zeros(pictures[number].rgb.shape, np.uint8)
-                detail = _detail(pictures[number], plain[number], settings)[plain[number]]
+                detail = _detail(pictures[number], plain[number])[plain[number]]
                 texels[number][plain[number]] = np.clip(detail * colours[surface] + 0.5, 0, 255)
         windows.append(found)
     sizes = np.array([one.shape[0] * one.shape[1] for one in texels], np.int64)
@@ -102,19 +99,17 @@ def learn_pictured_ground(
     )
 
 
-def _plain_ground(
-    picture: GroundPicture, mask: BoolArray, typical: Float64Array, settings: PicturedGroundSettings
-) -> BoolArray:
+def _plain_ground(picture: GroundPicture, mask: BoolArray, typical: Float64Array) -> BoolArray:
     """Mask the texels (h, w) of a surface that look as it does elsewhere, broadly and in detail."""
     import cv2
 
-    side = max(1, round(settings.square_m * picture.texels_per_metre))
+    side = max(1, round(PICTURED_GROUND.square_m * picture.texels_per_metre))
     broad = np.maximum(_local_mean(picture.rgb, mask, side), 1)
     detail = np.abs(picture.rgb / broad - 1).max(axis=2)
-    plain = mask & (np.abs(broad / typical - 1).max(axis=2) <= settings.max_deviation)
+    plain = mask & (np.abs(broad / typical - 1).max(axis=2) <= PICTURED_GROUND.max_deviation)
     if not plain.any():
         return mask & False
-    thin = mask & (detail > settings.max_detail_deviations * np.median(detail[plain]))
+    thin = mask & (detail > PICTURED_GROUND.max_detail_deviations * np.median(detail[plain]))
     # single dark grains are texture, lines of them are not
     thin = cv2.morphologyEx(thin.astype(np.uint8), cv2.MORPH_OPEN, np.ones((2, 2), np.uint8)) > 0
     spoilt = (~plain | thin).astype(np.uint8)
@@ -132,20 +127,18 @@ def _local_mean(rgb: UInt8Array, mask: BoolArray, side: int) -> Float32Array:
     return mean
 
 
-def _detail(picture: GroundPicture, plain: BoolArray, settings: PicturedGroundSettings) -> Float32Array:
+def _detail(picture: GroundPicture, plain: BoolArray) -> Float32Array:
     """Compute colours (h, w, 3) relative to the mean of the plain ground around."""
-    side = 2 * round(settings.shading_m * picture.texels_per_metre) + 1
+    side = 2 * round(PICTURED_GROUND.shading_m * picture.texels_per_metre) + 1
     detail: Float32Array = (picture.rgb / np.maximum(_local_mean(picture.rgb, plain, side), 1)).astype(np.float32)
     return detail
 
 
-def _find_windows(
-    pictures: Sequence[GroundPicture], plain: Sequence[BoolArray], settings: PicturedGroundSettings
-) -> tuple[float, Int64Array]:
+def _find_windows(pictures: Sequence[GroundPicture], plain: Sequence[BoolArray]) -> tuple[float, Int64Array]:
     """Find the largest spacing for which there are enough windows, and the windows (k, 3); none if there are too few."""
     import cv2
 
-    for spacing in settings.spacings_m:
+    for spacing in PICTURED_GROUND.spacings_m:
         found, area = [], 0.0
         for number, (one, mask) in enumerate(zip(pictures, plain, strict=True)):
             # a lattice point reaches as far as the next ones, and rounding a texel farther
@@ -156,8 +149,8 @@ def _find_windows(
             found.append(np.column_stack([np.full(len(rows), number), rows, columns]))
             area += len(rows) / one.texels_per_metre**2
         windows = np.concatenate(found).astype(np.int64)
-        if area >= settings.min_area_m2:
-            kept = np.linspace(0, len(windows) - 1, min(len(windows), settings.max_windows)).astype(np.int64)
+        if area >= PICTURED_GROUND.min_area_m2:
+            kept = np.linspace(0, len(windows) - 1, min(len(windows), PICTURED_GROUND.max_windows)).astype(np.int64)
             return spacing, windows[kept]
     return 1.0, np.zeros((0, 3), np.int64)
 

@@ -7,17 +7,16 @@ import numpy as np
 from facade_core.core.arrays import Float32Array, Float64Array, UInt8Array
 from facade_core.core.labels import FacadeClass
 from facade_core.core.numba_cache import njit
-from facade_core.street.materials.settings import RELIEF, RELIEF_KERNELS, ReliefSettings
+from facade_core.street.materials.settings import RELIEF, RELIEF_KERNELS
 
 
-def relief_depth(labels: UInt8Array, density: float, settings: ReliefSettings = RELIEF) -> Float32Array:
+def relief_depth(labels: UInt8Array, density: float) -> Float32Array:
     """Compute the depth of a facade's texels.
 
     Parameters
     ----------
     labels : (h, w) class id.
     density : texels per metre.
-    settings : numbers of the step.
 
     Returns
     -------
@@ -25,13 +24,13 @@ def relief_depth(labels: UInt8Array, density: float, settings: ReliefSettings = 
     """
     depth = np.where(
         np.isin(labels, (FacadeClass.WINDOW, FacadeClass.DOOR, FacadeClass.SHOP, FacadeClass.BALCONY)),
-        np.float32(-settings.opening_depth_m),
+        np.float32(-RELIEF.opening_depth_m),
         np.float32(0),
     )
     wall = labels == FacadeClass.WALL
     for name, high, out in (
-        (FacadeClass.BALCONY, settings.balcony_slab_height_m, settings.balcony_depth_m),
-        (FacadeClass.WINDOW, settings.sill_height_m, settings.sill_depth_m),
+        (FacadeClass.BALCONY, RELIEF.balcony_slab_height_m, RELIEF.balcony_depth_m),
+        (FacadeClass.WINDOW, RELIEF.sill_height_m, RELIEF.sill_depth_m),
     ):
         here, rows = labels == name, max(1, round(high * density))
         if name == FacadeClass.BALCONY:  # its lowest rows
@@ -42,12 +41,7 @@ def relief_depth(labels: UInt8Array, density: float, settings: ReliefSettings = 
 
 
 def relief_shadow_share(
-    colour: UInt8Array,
-    labels: UInt8Array,
-    density: float,
-    towards: Float64Array,
-    dark: float,
-    settings: ReliefSettings = RELIEF,
+    colour: UInt8Array, labels: UInt8Array, density: float, towards: Float64Array, dark: float
 ) -> Float32Array:
     """Compute the share of sunlight that a facade's relief blocks, (h, w) float32 in 0..1.
 
@@ -60,16 +54,15 @@ def relief_shadow_share(
     density : texels per metre.
     towards : (3,) direction to the sun along the chart's width, down and outward.
     dark : brightness of shadow relative to full light.
-    settings : numbers of the step.
     """
     import cv2
 
-    depth = relief_depth(labels, density, settings=settings)
-    right, down = np.clip(towards[:2] / towards[2], -settings.max_shadow_ratio, settings.max_shadow_ratio)
+    depth = relief_depth(labels, density)
+    right, down = np.clip(towards[:2] / towards[2], -RELIEF.max_shadow_ratio, RELIEF.max_shadow_ratio)
     traced = _trace_shadows(depth, float(right), float(down), float(density))
     shadow = np.asarray(cv2.blur(traced, (3, 3)), np.float32)
     grey = cv2.cvtColor(np.ascontiguousarray(colour), cv2.COLOR_RGB2GRAY).astype(np.float32)
-    side = 2 * round(settings.shade_window_m * density / 2) + 1
+    side = 2 * round(RELIEF.shade_window_m * density / 2) + 1
     recessed = depth < 0
     for level in (recessed, ~recessed):
         weight = level.astype(np.float32)

@@ -8,12 +8,10 @@ from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, UInt8
 from facade_core.core.fixed_order import solve_least_squares
 from facade_core.core.labels import FacadeClass
 from facade_core.street.materials.patterns import add_noise
-from facade_core.street.materials.settings import STAINS, StainSettings
+from facade_core.street.materials.settings import STAINS
 
 
-def wall_brightness_deviations(
-    grey: UInt8Array, wall: BoolArray, density: float, settings: StainSettings = STAINS
-) -> tuple[float, ...] | None:
+def wall_brightness_deviations(grey: UInt8Array, wall: BoolArray, density: float) -> tuple[float, ...] | None:
     """Compute the relative variation of plain wall in each band.
 
     It is half the span from the 16th to the 84th percentile.
@@ -23,7 +21,6 @@ def wall_brightness_deviations(
     grey : (h, w) uint8.
     wall : (h, w) bool.
     density : texels per metre.
-    settings : numbers of the step.
 
     Returns
     -------
@@ -31,43 +28,38 @@ def wall_brightness_deviations(
     """
     import cv2
 
-    size = [max(1, round(side * settings.stain_density / density)) for side in wall.shape[::-1]]
+    size = [max(1, round(side * STAINS.stain_density / density)) for side in wall.shape[::-1]]
     share = cv2.resize(wall.astype(np.float32), size, interpolation=cv2.INTER_AREA)
     light = cv2.resize(np.where(wall, grey, 0).astype(np.float32), size, interpolation=cv2.INTER_AREA)
-    reach = 2 * round(settings.edge_margin_m * settings.stain_density) + 1
-    known = cv2.erode((share > settings.min_wall_share).astype(np.uint8), np.ones((reach, reach), np.uint8)) > 0
+    reach = 2 * round(STAINS.edge_margin_m * STAINS.stain_density) + 1
+    known = cv2.erode((share > STAINS.min_wall_share).astype(np.uint8), np.ones((reach, reach), np.uint8)) > 0
     light, share = (
-        np.where(known, light / np.maximum(share, settings.min_wall_share), 0).astype(np.float32),
+        np.where(known, light / np.maximum(share, STAINS.min_wall_share), 0).astype(np.float32),
         known.astype(np.float32),
     )
-    if known.sum() < settings.min_places:
+    if known.sum() < STAINS.min_places:
         return None
     mean, deviations = float(light[known].mean()), []
-    for band in settings.bands_m:
+    for band in STAINS.bands_m:
         kept, removed = (
-            cv2.GaussianBlur(light, (0, 0), part * band * settings.stain_density)
-            / np.maximum(cv2.GaussianBlur(share, (0, 0), part * band * settings.stain_density), 1e-6)
-            for part in (settings.kept_sigma, settings.removed_sigma)
+            cv2.GaussianBlur(light, (0, 0), part * band * STAINS.stain_density)
+            / np.maximum(cv2.GaussianBlur(share, (0, 0), part * band * STAINS.stain_density), 1e-6)
+            for part in (STAINS.kept_sigma, STAINS.removed_sigma)
         )
         low, high = np.percentile((kept - removed)[known] / max(mean, 1.0), (16, 84))
         deviations.append(float(high - low) / 2)
     return tuple(deviations)
 
 
-def stain_weights(deviations: tuple[float, ...] | None, settings: StainSettings = STAINS) -> Float64Array:
+def stain_weights(deviations: tuple[float, ...] | None) -> Float64Array:
     """Compute the noise weights (2,) that raise a wall's deviations to those of photographs."""
-    lacks = np.maximum(np.square(settings.photo_deviations) - np.square(deviations or (0.0, 0.0)), 0.0)
-    weights = solve_least_squares(np.square(settings.noise_deviations).T, lacks[:, None])[:, 0]
+    lacks = np.maximum(np.square(STAINS.photo_deviations) - np.square(deviations or (0.0, 0.0)), 0.0)
+    weights = solve_least_squares(np.square(STAINS.noise_deviations).T, lacks[:, None])[:, 0]
     return np.sqrt(np.maximum(weights, 0.0))
 
 
 def stain_tones(
-    colour: UInt8Array,
-    labels: UInt8Array,
-    density: float,
-    start: tuple[float, float],
-    seed: int,
-    settings: StainSettings = STAINS,
+    colour: UInt8Array, labels: UInt8Array, density: float, start: tuple[float, float], seed: int
 ) -> Float32Array:
     """Compute the tones of stains on a facade.
 
@@ -78,7 +70,6 @@ def stain_tones(
     density : texels per metre.
     start : upper left corner of the facade in its plane, metres.
     seed : random seed.
-    settings : numbers of the step.
 
     Returns
     -------
@@ -87,17 +78,14 @@ def stain_tones(
     import cv2
 
     grey = np.asarray(cv2.cvtColor(np.ascontiguousarray(colour), cv2.COLOR_RGB2GRAY), np.uint8)
-    rows, columns = (max(2, int(np.ceil(side / density * settings.stain_density))) for side in labels.shape)
-    step = 1 / settings.stain_density
+    rows, columns = (max(2, int(np.ceil(side / density * STAINS.stain_density))) for side in labels.shape)
+    step = 1 / STAINS.stain_density
     x, y = np.meshgrid(start[0] + step * (np.arange(columns) + 0.5), start[1] + step * (np.arange(rows) + 0.5))
     tone, side = np.ones(rows * columns), np.full(rows * columns, step)
     for number, (cell, weight) in enumerate(
         zip(
-            settings.noise_cells_m,
-            stain_weights(
-                wall_brightness_deviations(grey, labels == FacadeClass.WALL, density, settings=settings),
-                settings=settings,
-            ).tolist(),
+            STAINS.noise_cells_m,
+            stain_weights(wall_brightness_deviations(grey, labels == FacadeClass.WALL, density)).tolist(),
             strict=True,
         )
     ):

@@ -13,7 +13,7 @@ from facade_core.core.arrays import Float32Array, Float64Array, Int64Array, UInt
 from facade_core.core.errors import ImageError
 from facade_core.core.numba_cache import njit
 from facade_core.facade.texture.seams import find_min_error_path
-from facade_core.street.materials.settings import TILED_MATERIAL, TiledMaterialSettings
+from facade_core.street.materials.settings import TILED_MATERIAL
 
 
 class MipLevels(NamedTuple):
@@ -126,7 +126,7 @@ def sample_mip_levels(mips: MipLevels, across: float, down: float, footprint: fl
     )
 
 
-def make_seamless(image: UInt8Array, settings: TiledMaterialSettings = TILED_MATERIAL) -> Float32Array:
+def make_seamless(image: UInt8Array) -> Float32Array:
     """Make a picture (h, w, 3) tileable: (h', w', 3) float32, a quarter smaller on both sides.
 
     Removes large-scale shading and joins opposite borders along the path of least difference.
@@ -134,23 +134,21 @@ def make_seamless(image: UInt8Array, settings: TiledMaterialSettings = TILED_MAT
     flat = image.astype(np.float32)
     broad = cv2.GaussianBlur(flat, (0, 0), min(image.shape[:2]) / 4, borderType=cv2.BORDER_REFLECT)
     flat = np.clip(flat - broad + flat.mean(axis=(0, 1)), 0, 255)
-    once = _join_borders(flat, around=False, settings=settings)
-    return np.ascontiguousarray(
-        _join_borders(once.transpose(1, 0, 2), around=True, settings=settings).transpose(1, 0, 2)
-    )
+    once = _join_borders(flat, around=False)
+    return np.ascontiguousarray(_join_borders(once.transpose(1, 0, 2), around=True).transpose(1, 0, 2))
 
 
-def _join_borders(image: Float32Array, *, around: bool, settings: TiledMaterialSettings) -> Float32Array:
+def _join_borders(image: Float32Array, *, around: bool) -> Float32Array:
     """Blend the right border of (h, w, 3) over the left one along a minimal path.
 
     `around` closes the path for wrapping rows.
     """
     height, width = image.shape[:2]
-    strip = max(1, int(width * settings.join_share))
+    strip = max(1, int(width * TILED_MATERIAL.join_share))
     left, right = image[:, :strip], image[:, width - strip :]
     error = ((left - right) ** 2).sum(axis=2).astype(np.float64)
     path = find_min_error_path(np.tile(error, (3, 1)))[height : 2 * height] if around else find_min_error_path(error)
-    share = np.clip((np.arange(strip)[None, :] - path[:, None]) / (2 * settings.join_softness_px) + 0.5, 0, 1)[
+    share = np.clip((np.arange(strip)[None, :] - path[:, None]) / (2 * TILED_MATERIAL.join_softness_px) + 0.5, 0, 1)[
         ..., None
     ].astype(np.float32)
     # at the ends of the overlap each border continues unchanged

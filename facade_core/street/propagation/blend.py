@@ -127,17 +127,16 @@ def add_views(
         add_view(state, texel[i], d[i], proper[i], view[i], rgb[i])
 
 
-def blend_views(state: BlendState, texels: slice = slice(None)) -> tuple[UInt8Array, UInt16Array]:
-    """Compute Eq. 1 for some texels.
+def blend_views(state: BlendState) -> tuple[UInt8Array, UInt16Array]:
+    """Compute Eq. 1 for all texels.
 
     Returns
     -------
     Colour (t, 3) uint8, rounded to nearest, and the number of blended views (t,) uint16.
     """
-    chosen = BlendState._make(array[texels] for array in state)
-    out = np.zeros((len(chosen.views), 3), np.uint8)
+    out = np.zeros((len(state.views), 3), np.uint8)
     views = np.zeros(len(out), np.uint16)
-    _blend(chosen, out, views)
+    _blend(state, out, views)
     return out, views
 
 

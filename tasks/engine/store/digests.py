@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -28,7 +28,15 @@ def find_differing_units(group: StoreGroup, plan: Plan, sample: int | None = Non
     ----------
     sample : maximal number of charts, and files of each stage, evenly spread; None for all.
     """
-    found: dict[str, set[int]] = defaultdict(set)
+    found = [*_find_differing_charts(group, plan, sample), *_find_differing_files(group, sample)]
+    units: dict[str, set[int]] = defaultdict(set)
+    for stage, unit in found:
+        units[stage].add(unit)
+    return {stage: sorted(own) for stage, own in units.items()}
+
+
+def _find_differing_charts(group: StoreGroup, plan: Plan, sample: int | None) -> Iterator[tuple[str, int]]:
+    """Find stage and unit of charts that differ from the digests of their last writer."""
     chart_of = {f"{number:016x}": chart for chart, number in enumerate(plan.ids.tolist())}
     writers = [one for one in last_chart_writers(group) if one[0] in chart_of]
     for name, stage, unit, digest in sample_evenly(sorted(writers), sample):
@@ -37,15 +45,18 @@ def find_differing_units(group: StoreGroup, plan: Plan, sample: int | None = Non
             read_rasters(group[array.path], plan.scene.placement, one) for array in STAGE_ARRAYS[stage][:2]
         )
         if chart_digests(colour, source, plan.scene.placement, one, plan.ids)[name] != digest:
-            found[stage].add(unit)
+            yield stage, unit
+
+
+def _find_differing_files(group: StoreGroup, sample: int | None) -> Iterator[tuple[str, int]]:
+    """Find stage and unit of files that differ from the digests in the records."""
     for owner in all_stages():
         journal = read_journal(group, owner.stage)
         files = [(unit, stored_files(record)) for unit, record in enumerate(journal)]
         for unit, wanted in sample_evenly([one for one in files if one[1]], sample):
             for path, digest in wanted.items():
                 if path in group and digest_stored_file(np.asarray(group[path][:]).tobytes()) != digest:
-                    found[owner.stage].add(unit)
-    return {stage: sorted(units) for stage, units in found.items() if units}
+                    yield owner.stage, unit
 
 
 def last_chart_writers(group: StoreGroup) -> list[tuple[str, str, int, str]]:

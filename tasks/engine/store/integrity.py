@@ -106,28 +106,30 @@ def _repair(run: Run, *, thorough: bool) -> list[str]:
     if group.attrs.get("block", run.block) != run.block:
         return said
     due: dict[str, set[int]] = {}
-    plan: Plan | None = None
     if thorough or not has_all_files(repository, run.store):
         for tag in find_broken_tags(repository, run.store):
             repository.delete_tag(tag)
             said.append(f"{run.store}: tag {tag} cannot be read and is removed")
-        if lost := find_unreadable_chunks(session):
-            plan = read_plan(session)
-            due = empty_unreadable_chunks(group, plan, lost)
-        if thorough:
-            plan = plan or read_plan(session)
-            for stage, units in find_differing_units(group, plan).items():
-                due.setdefault(stage, set()).update(units)
+        due = _empty_damaged_chunks(session, group, thorough=thorough)
     lost_units = find_lost_units(session)
     if not due and not lost_units:
         return said
-    plan = plan or read_plan(session)
     for owner in all_stages():
         due.setdefault(owner.stage, set()).update(lost_units.get(owner.stage, ()))
-    if line := _delete_records(group, plan, due):
+    if line := _delete_records(group, read_plan(session), due):
         commit(session, f"mend: {line}")
         said.append(f"{run.store}: {line} lost what they made; they are due again")
     return said
+
+
+def _empty_damaged_chunks(session: icechunk.Session, group: StoreGroup, *, thorough: bool) -> dict[str, set[int]]:
+    """Empty unreadable chunks; returns by stage the units that wrote them, and with `thorough` those whose data differ."""
+    plan = read_plan(session)
+    due = empty_unreadable_chunks(group, plan, find_unreadable_chunks(session))
+    if thorough:
+        for stage, units in find_differing_units(group, plan).items():
+            due.setdefault(stage, set()).update(units)
+    return due
 
 
 def _delete_records(group: StoreGroup, plan: Plan, due: dict[str, set[int]]) -> str:

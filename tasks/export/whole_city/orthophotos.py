@@ -23,12 +23,10 @@ def join_orthophotos(
     folder: Path, parts: Sequence[Part], markers: Iterator[JsonObject], city: CityFacts, attribution: Attribution
 ) -> list[str]:
     """Write facades.vrt, with a row for each block, and catalog.json; return their names."""
-    from facade_core.export.bodies.wall_plane import PLANE_WKT
-
     children = [(f"./{quote(part.uri)}/{COLLECTION}", part.block) for part in parts]
     write_orthophoto_catalog(folder / CATALOG, city.name, children)
     rows = [read_sheet(part.folder / SHEET, f"{part.uri}/{SHEET}") for part in parts if (part.folder / SHEET).is_file()]
     if not rows:
         return [CATALOG]
-    write_column_sheet(folder / SHEET, rows, PLANE_WKT)
+    write_column_sheet(folder / SHEET, rows)
     return [SHEET, CATALOG]

@@ -153,7 +153,7 @@ def _fuse_panoramas(
 def _raster_density(plan: Plan, chart: int, size: tuple[int, int]) -> float:
     """Return the texels per metre of a raster (height, width) of a chart: that of the atlas, or of `street_density`."""
     placement = plan.scene.placement
-    is_atlas = size == (int(placement.height[chart]), int(placement.width[chart]))
+    is_atlas = size == placement.shape(chart)
     return float((placement.texels_per_metre if is_atlas else plan.street_density)[chart])
 
 

@@ -26,7 +26,7 @@ def working_size(plan: Plan, chart: int, source: str) -> tuple[int, int]:
     if source in ("photo", "panoramas") and plan.street_density[chart] != placement.texels_per_metre[chart]:
         width, height = raster_sizes(plan.scene.charts.size[[chart]], plan.street_density[[chart]])[0].tolist()
         return height, width
-    return int(placement.height[chart]), int(placement.width[chart])
+    return placement.shape(chart)
 
 
 def sharpen_from_pictures(plan: Plan, chart: int, facade: Facade, evidence: Evidence) -> tuple[Facade, UInt8Array]:
@@ -43,7 +43,7 @@ def sharpen_from_pictures(plan: Plan, chart: int, facade: Facade, evidence: Evid
     confidence : (h, w) uint8.
     """
     placement, coarse = plan.scene.placement, (facade.labels.shape[0], facade.labels.shape[1])
-    size = (int(placement.height[chart]), int(placement.width[chart]))
+    size = placement.shape(chart)
     confidence = np.rint(255 * (~evidence.hidden if evidence.confidence is None else evidence.confidence)).astype(
         np.uint8
     )

@@ -28,7 +28,7 @@ def photo_wall_colour(group: StoreGroup, plan: Plan, facades: Sequence[int]) -> 
     for facade in facades:
         chart = int(plan.facades.chart[facade])
         y, x = int(placement.y[chart]), int(placement.x[chart])
-        height, width = int(placement.height[chart]), int(placement.width[chart])
+        height, width = placement.shape(chart)
         step = max(1, round((height * width / MAX_SAMPLED_TEXELS) ** 0.5))
         part = (int(placement.page[chart]), slice(y, y + height, step), slice(x, x + width, step))
         labels, evidence = (np.asarray(group[name][part]) for name in ("facade_maps/labels", "atlas/seed_evidence"))

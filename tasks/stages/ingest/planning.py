@@ -10,7 +10,7 @@ from facade_core.geometry.chart_packing import PreviousChartPlacements
 from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.plan.core_region import CoreRegion
 from facade_core.plan.identity import ParallelMap, map_in_this_process
-from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan, fill_pose_heights
+from facade_core.plan.ingest import BlockInputs, build_plan, fill_pose_heights
 from facade_core.plan.plan import Plan
 from facade_core.plan.planned_units import PlannedUnits, count_units
 from facade_core.plan.posed_pictures import replace_panoramas
@@ -33,40 +33,24 @@ def make_plan(
     last : places of an earlier ingest: charts keep their place in the atlas.
     each : maps a function over items; it may cast rays on workers.
     """
-    plan = build_plan(
-        _plan_inputs(block), _plan_settings(block), previous=last, parallel_map=each, core=_core_region(block)
-    )
+    plan = build_plan(_plan_inputs(block), block.texture, previous=last, parallel_map=each, core=_core_region(block))
     return plan if block.aerial is None else mark_aerial_roofs(plan, block.aerial)
 
 
 def count_planned_units(block: Block) -> PlannedUnits:
     """Count the units of a block's plan without the rays of viewpoints."""
-    return count_units(
-        _plan_inputs(block), _plan_settings(block), _core_region(block), partial(photo_resolution, block)
-    )
+    return count_units(_plan_inputs(block), block.texture, _core_region(block), partial(photo_resolution, block))
 
 
 def _plan_inputs(block: Block) -> BlockInputs:
     return BlockInputs(
         block.buildings,
         block.streets,
+        block.storey,
         ground=block.ground,
         elevation=block.terrain,
         poses=[panorama.pose for panorama in block.panoramas],
         panorama_sizes=_panorama_sizes(block),
-    )
-
-
-def _plan_settings(block: Block) -> IngestSettings:
-    texture = block.texture
-    return IngestSettings(
-        texels_per_metre=texture.texels_per_metre,
-        viewpoint_spacing=texture.viewpoint_spacing,
-        viewpoint_height=texture.viewpoint_height,
-        visibility_range=texture.visibility_range,
-        panorama_width=texture.panorama_width,
-        floor_height=block.storey,
-        walls=texture.walls,
     )
 
 

@@ -11,7 +11,7 @@ from catalogs.block.reader import Block
 from facade_core.atlas.journal import Record, latest_chart_digests, read_journal
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.export.pictures.camera import PerspectiveCamera
-from facade_core.export.pictures.settings import VIEW_SETTINGS
+from facade_core.export.pictures.settings import BLOCK_VIEWS
 from facade_core.export.pictures.views import (
     VIEW_SIZE,
     choose_cameras,
@@ -91,7 +91,7 @@ def view_memory(page: int) -> int:
     """Return the memory of a view of the block, painted from pages of so many texels."""
     return (
         LIBRARY_BYTES
-        + int(np.prod(VIEW_SIZE)) * VIEW_SETTINGS.samples_per_pixel_side**2 * VIEW_RAY
+        + int(np.prod(VIEW_SIZE)) * BLOCK_VIEWS.samples_per_pixel_side**2 * VIEW_RAY
         + page * DECODED_PIXEL
     )
 

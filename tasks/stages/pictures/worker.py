@@ -27,7 +27,7 @@ from facade_core.core.errors import ImageError
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.export.pictures.camera import PerspectiveCamera
 from facade_core.export.pictures.rendering import cast_smooth_view, encode_image
-from facade_core.export.pictures.settings import VIEW_SETTINGS
+from facade_core.export.pictures.settings import BLOCK_VIEWS
 from facade_core.export.pictures.stage_pictures import TEXTURE_STAGE, StoredFacade, iterate_stage_pictures
 from facade_core.export.pictures.views import paint_view
 from facade_core.export.tiles.block_tiles import plan_block_tiles
@@ -114,7 +114,7 @@ def compute_pictures(inputs: PictureInputs) -> ReportPictures:
 def _draw_view(inputs: PictureInputs, camera: PerspectiveCamera) -> ReportPictures:
     """Draw a view as JPEG from the pages that it shows, or from coarse rasters of tiles if these are too many."""
     plan, group = inputs.objects.plan, inputs.charts.store
-    picture = cast_smooth_view(plan.scene, camera, samples=VIEW_SETTINGS.samples_per_pixel_side)
+    picture = cast_smooth_view(plan.scene, camera, samples=BLOCK_VIEWS.samples_per_pixel_side)
     own = plan.in_core[picture.visible_charts]
     pages = np.unique(plan.scene.placement.page[picture.visible_charts[own]])
     parts = _read_page_rasters if len(pages) <= MAX_DECODED_PAGES else _read_coarse_rasters

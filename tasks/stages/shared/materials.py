@@ -13,7 +13,7 @@ import numpy as np
 from catalogs.readers.pictures.aerial import Orthophoto
 from catalogs.readers.pictures.materials import MaterialPicture, RoofPicture
 from facade_core.atlas.journal import latest_chart_digests, read_records
-from facade_core.atlas.rasters import TexelLayout, read_rasters
+from facade_core.atlas.rasters import read_chart_raster
 from facade_core.atlas.stored_files import digest_stored_file, read_stored_file, write_stored_file
 from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.errors import InputError
@@ -23,7 +23,7 @@ from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.overhead_view import upward_roof_mask
 from facade_core.plan.plan import Plan
 from facade_core.street.materials.field import MaterialField
-from facade_core.street.materials.grain import GrainExample, GrainTables, learn_grain
+from facade_core.street.materials.grain import GrainExample, learn_grain
 from facade_core.street.materials.grain_file import load_grain_tables
 from facade_core.street.materials.tiled_material import TiledMaterial
 from tasks.engine.context import load_run_plan
@@ -52,7 +52,7 @@ def mark_aerial_roofs(plan: Plan, aerial: Orthophoto) -> Plan:
 
 
 def material_field(
-    plan: Plan, seed: int, roofs: RoofPicture | None, pictures: Sequence[MaterialPicture] = ()
+    plan: Plan, seed: int, roofs: RoofPicture | None, pictures: Sequence[MaterialPicture]
 ) -> MaterialField:
     """Build the material field of a block.
 
@@ -61,7 +61,11 @@ def material_field(
     roofs : picture of the roof material and its metres per pixel, if given.
     pictures : pictures of other materials.
     """
-    laid, own = roof_material(roofs, plan.scene.spec.texels_per_metre), grain_tables_from_pictures(pictures)
+    return _build_field(plan, seed, roof_material(roofs, plan.scene.spec.texels_per_metre), _learn_grains(pictures))
+
+
+def _build_field(plan: Plan, seed: int, laid: TiledMaterial | None, examples: dict[str, GrainExample]) -> MaterialField:
+    own = load_grain_tables(examples) if examples else None
     return MaterialField(plan.scene, plan.streets, seed=seed, roof_material=laid, ground=plan.ground, grains=own)
 
 
@@ -115,17 +119,11 @@ def read_pictured_ground(
     placement = plan.scene.placement
     shown = {}
     for chart in charts:
-        layout = TexelLayout.of_charts(placement, [chart])
-        size = int(placement.height[chart]), int(placement.width[chart])
-        rgb, evidence = (read_rasters(group[f"atlas/{name}"], placement, layout) for name in ("seed", "seed_evidence"))
-        shown[chart] = rgb.reshape(*size, 3), evidence.reshape(size) == Provenance.PHOTO
+        rgb, evidence = (
+            read_chart_raster(group, placement, chart, f"atlas/{name}") for name in ("seed", "seed_evidence")
+        )
+        shown[chart] = rgb, evidence == Provenance.PHOTO
     return shown
-
-
-def grain_tables_from_pictures(pictures: Sequence[MaterialPicture]) -> GrainTables | None:
-    """Build grain tables with grains learnt from a block's pictures; None without any."""
-    examples = _learn_grains(pictures)
-    return load_grain_tables(examples) if examples else None
 
 
 def _learn_grains(pictures: Sequence[MaterialPicture]) -> dict[str, GrainExample]:
@@ -178,14 +176,7 @@ def rebuild_material_field(group: StoreGroup, plan: Plan) -> MaterialField:
         if f"{name}/tile" in arrays
     }
     laid = TiledMaterial(arrays["roof/tile"], tuple(arrays["roof/size"].tolist())) if "roof/tile" in arrays else None
-    field = MaterialField(
-        plan.scene,
-        plan.streets,
-        seed=cast(int, group.attrs["seed"]),
-        roof_material=laid,
-        ground=plan.ground,
-        grains=load_grain_tables(examples) if examples else None,
-    )
+    field = _build_field(plan, cast(int, group.attrs["seed"]), laid, examples)
     return with_pictured_ground(field, plan, group, _pictured_charts(plan, group)[0])
 
 

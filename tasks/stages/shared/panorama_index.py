@@ -13,6 +13,7 @@ from facade_core.core.arrays import AnyArray, BoolArray, Float64Array, IntArray
 from facade_core.core.fixed_order import multiply_matrices
 from facade_core.geometry.charts import CORNER_SHARES, Charts
 from facade_core.imagery.panorama_camera import (
+    WALL_REACH_M,
     camera_position,
     camera_reach,
     is_any_in_view,
@@ -86,17 +87,15 @@ class UsablePanoramaIndex:
         return tuple(self.panoramas[i] for i in sorted(cameras))
 
     def select_by_chart(
-        self, charts: Charts, some: Sequence[int], reach: float, preferred: Set[int] = frozenset()
+        self, charts: Charts, some: Sequence[int], preferred: Set[int] = frozenset()
     ) -> list[tuple[SurfacePanorama, ...]]:
         """Select the panoramas of each chart of a building; a short building shares them."""
         corners = charts.points_at_shares(np.array(some), CORNER_SHARES)[..., :2].reshape(-1, 2)
         if np.ptp(corners, axis=0).max() <= MAX_PIECE_M and not self._has_lenses:
-            return [self.near(charts, some, reach)] * len(some)
-        return [self.facing(charts, chart, reach, preferred) for chart in some]
+            return [self.near(charts, some, WALL_REACH_M)] * len(some)
+        return [self.facing(charts, chart, preferred) for chart in some]
 
-    def facing(
-        self, charts: Charts, chart: int, reach: float, preferred: Set[int] = frozenset()
-    ) -> tuple[SurfacePanorama, ...]:
+    def facing(self, charts: Charts, chart: int, preferred: Set[int] = frozenset()) -> tuple[SurfacePanorama, ...]:
         """Select the panoramas in front of a chart, at most MAX_PANORAMAS_PER_SURFACE.
 
         They are chosen in turn: the nearest to the middle of each piece of the chart; in a block with pictures of a lens
@@ -104,10 +103,10 @@ class UsablePanoramaIndex:
         """
         corners = _chart_pieces(charts, chart)
         pieces = shapely.convex_hull(shapely.multipoints(corners))
-        piece, camera = self.places.query(pieces, "dwithin", self._largest_reach(reach))
+        piece, camera = self.places.query(pieces, "dwithin", self._largest_reach(WALL_REACH_M))
         points = charts.points_at_shares(np.array([chart]), VIEW_SHARES)[0]
         faced = multiply_matrices(self._positions[camera] - charts.origin[chart], charts.normals()[chart]) > 0
-        faced &= self._may_show(camera, pieces[piece], points, reach)
+        faced &= self._may_show(camera, pieces[piece], points, WALL_REACH_M)
         piece, camera = piece[faced], camera[faced]
         away = np.linalg.norm(self._positions[camera, :2] - corners.mean(axis=1)[piece], axis=1)
         order = np.lexsort((camera, away, piece))
@@ -115,7 +114,7 @@ class UsablePanoramaIndex:
         turn = np.arange(len(piece)) - np.searchsorted(piece, piece)
         chosen = list(dict.fromkeys(camera[np.lexsort((piece, turn))].tolist()))
         if len(chosen) > MAX_PANORAMAS_PER_SURFACE and self._has_lenses:
-            chosen = self._select_covering(chosen, points, reach, MAX_PANORAMAS_PER_SURFACE, preferred)
+            chosen = self._select_covering(chosen, points, WALL_REACH_M, MAX_PANORAMAS_PER_SURFACE, preferred)
         return tuple(self.panoramas[i] for i in sorted(chosen[:MAX_PANORAMAS_PER_SURFACE]))
 
     def _select_covering(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from catalogs.block.reader import Block
-from facade_core.imagery.panorama_camera import GROUND_REACH_M, WALL_REACH_M
+from facade_core.imagery.panorama_camera import GROUND_REACH_M
 from facade_core.plan.plan import Plan
 from tasks.stages.shared.captures import facade_panoramas_by_capture
 from tasks.stages.shared.panorama_index import UsablePanoramaIndex
@@ -41,6 +41,6 @@ def _choose(plan: Plan, block: Block) -> frozenset[int]:
     for chart in plan.ground_near_cameras().tolist():
         chosen.update(number[one] for one in index.near(charts, [chart], GROUND_REACH_M, chosen))
     for walls in plan.walls_near_cameras().values():
-        for taken in index.select_by_chart(charts, walls, WALL_REACH_M, chosen):
+        for taken in index.select_by_chart(charts, walls, chosen):
             chosen.update(number[one] for one in taken)
     return frozenset(chosen)

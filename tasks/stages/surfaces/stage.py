@@ -23,7 +23,6 @@ from tasks.engine.run import Run
 from tasks.engine.stage import ForecastInputs, Pending, Stage, UnitOutline
 from tasks.engine.unit import Unit
 from tasks.stages.facades.record import FacadeRecord
-from tasks.stages.shared.base_layer import BASE_LAYER_STAGES
 from tasks.stages.shared.materials import pictured_ground
 from tasks.stages.shared.memory import FINISHED_TEXEL, LIBRARY_BYTES
 from tasks.stages.shared.scene_view import SceneView, StoredCharts, store_charts, view_charts
@@ -40,7 +39,8 @@ CONTINUATION_BYTES = 50_000_000
 
 # Bytes of a view of a street.
 VIEW_BYTES = 1_100_000
-
+# The stages that write the base layer of the atlas, in the order in which they write.
+BASE_LAYER_STAGES = ("textures", "grounds", "walls", "facades")
 # Of a chart that is context: no building has this row, nor has the ground.
 CONTEXT_CHART = -2
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -159,26 +160,17 @@ def _add_wall_material(
     facades = [chart for chart in charts if chart in seeded and plan.is_facade(chart)]
     if not facades:
         return field
-    chart = max(facades, key=lambda one: (int(placement.height[one]) * int(placement.width[one]), -one))
-    part = _chart_slices(placement, chart)
+    chart = max(facades, key=lambda one: (math.prod(placement.shape(one)), -one))
+    part = placement.region(chart)
     image, labels = np.asarray(group["atlas/seed"][part]), np.asarray(group["facade_maps/labels"][part])
     wall = measure_wall_material(image, labels, float(placement.texels_per_metre[chart]))
     return field if wall is None else field.with_facade_material(charts, wall, chart)
 
 
-def _chart_slices(placement: ChartPlacements, chart: int) -> tuple[int, slice, slice]:
-    """Return the place of a chart in the arrays of the atlas."""
-    y, x = int(placement.y[chart]), int(placement.x[chart])
-    height, width = int(placement.height[chart]), int(placement.width[chart])
-    return int(placement.page[chart]), slice(y, y + height), slice(x, x + width)
-
-
 def _facade_labels(group: StoreGroup, plan: Plan, chart: int) -> UInt8Array | None:
     """Return the labels (h, w) uint8 of a facade; None of other charts."""
     return (
-        np.asarray(group["facade_maps/labels"][_chart_slices(plan.scene.placement, chart)])
-        if plan.is_facade(chart)
-        else None
+        np.asarray(group["facade_maps/labels"][plan.scene.placement.region(chart)]) if plan.is_facade(chart) else None
     )
 
 

@@ -67,9 +67,7 @@ def compute_tile(inputs: TileInputs) -> TileModel:
         held = TexelLayout.of_charts(placement, chosen)
         flat = read_rasters(group["atlas/colour"], placement, held)
         return {
-            chart: flat[held.texel_slice(placement, chart)].reshape(
-                int(placement.height[chart]), int(placement.width[chart]), 3
-            )
+            chart: flat[held.texel_slice(placement, chart)].reshape(*placement.shape(chart), 3)
             for chart in chosen.tolist()
         }
 

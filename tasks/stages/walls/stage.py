@@ -11,7 +11,6 @@ from facade_core.atlas.journal import Record
 from facade_core.core.arrays import IntArray
 from facade_core.core.types import Pose
 from facade_core.core.zarr_types import StoreGroup
-from facade_core.imagery.panorama_camera import WALL_REACH_M
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
 from tasks.engine.stage import Stage, UnitOutline
@@ -46,7 +45,7 @@ def list_wall_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> li
     texels = plan.texel_counts()
     units = []
     for index, (building, charts) in enumerate(near.items()):
-        taken = cameras.select_by_chart(plan.scene.charts, charts, WALL_REACH_M)
+        taken = cameras.select_by_chart(plan.scene.charts, charts)
         inputs = WallInputs(
             panoramas=tuple(taken),
             between=view_between(run, plan, _charts_by_panorama(charts, taken)),

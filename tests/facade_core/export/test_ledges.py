@@ -9,7 +9,7 @@ import shapely
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Element
 from facade_core.export.bodies.ledges import LEDGE_LABEL, detect_ledges, ledge_faces, place_ledges
-from facade_core.export.bodies.settings import LEDGE_SETTINGS
+from facade_core.export.bodies.settings import LEDGES
 
 DENSITY = 32.0
 
@@ -57,7 +57,7 @@ def test_a_ledge_is_a_closed_body_that_faces_outwards() -> None:
     assert {(b, a) for a, b in edges} == set(edges)
     # y runs down: what runs counter-clockwise for the eye has its volume negative in the wall's frame
     volume = sum(float(np.linalg.det([ring[0], ring[k], ring[k + 1]])) / 6 for ring in faces for k in (1, 2))
-    assert abs(volume) == pytest.approx(4 * 0.3 * LEDGE_SETTINGS.ledge_depth_m)
+    assert abs(volume) == pytest.approx(4 * 0.3 * LEDGES.ledge_depth_m)
     front = faces[0]
     assert np.cross(front[1] - front[0], front[2] - front[0])[2] < 0
     assert volume < 0

@@ -21,11 +21,11 @@ from facade_core.export.lighting.height_maps import cavity_visibility, estimate_
 from facade_core.export.lighting.panes import SeededRandom, find_openings, glass_mask, opening_emission
 from facade_core.export.lighting.pbr_materials import ROUGHNESS, PbrMaterialClass
 from facade_core.export.lighting.relighting import RelightingInputs, StoredChartTexels, build_relightable_mesh
-from facade_core.export.lighting.settings import HEIGHT_MAP_SETTINGS
+from facade_core.export.lighting.settings import HEIGHT_MAPS
 from facade_core.export.models.encoders import ENCODERS
 from facade_core.export.models.glb import encode_glb
 from facade_core.export.models.gltf_materials import NIGHT, TimeOfDay, encode_textures
-from facade_core.export.models.settings import MATERIAL_SETTINGS
+from facade_core.export.models.settings import GLTF_MATERIALS
 from facade_core.export.models.textured_mesh import (
     TexturedMesh,
     build_nodes,
@@ -66,7 +66,7 @@ def test_normals_are_those_of_the_heights_differences() -> None:
         for x in range(1, 6):
             right = (height[y, x + 1] - height[y, x - 1]) * DENSITY / 2
             up = (height[y - 1, x] - height[y + 1, x]) * DENSITY / 2
-            slope = np.clip([right, up], -HEIGHT_MAP_SETTINGS.max_slope, HEIGHT_MAP_SETTINGS.max_slope)
+            slope = np.clip([right, up], -HEIGHT_MAPS.max_slope, HEIGHT_MAPS.max_slope)
             expected = np.array([-slope[0], -slope[1], 1]) / np.sqrt(1 + (slope**2).sum())
             np.testing.assert_allclose(found[y, x], expected, atol=1e-6)
 
@@ -83,7 +83,7 @@ def test_openings_lie_back_and_see_less_sky() -> None:
     assert found[15, 30, 1] < -0.5, "the head faces down"
     sky = cavity_visibility(height, 20.0)
     assert sky[0, 0] == 1
-    assert HEIGHT_MAP_SETTINGS.min_cavity_visibility <= sky[16, 21] < 0.85
+    assert HEIGHT_MAPS.min_cavity_visibility <= sky[16, 21] < 0.85
     assert colour.shape[:2] == sky.shape
 
 
@@ -168,7 +168,7 @@ def lighting(scene: Scene, sun: Sun | None, provenance: int = Provenance.PHOTO) 
     place = scene.placement
 
     def texels(chart: int) -> StoredChartTexels:
-        shape = (int(place.height[chart]), int(place.width[chart]))
+        shape = place.shape(chart)
         if scene.charts.kind[chart] != ChartKind.WALL or provenance == Provenance.MATERIAL:
             return StoredChartTexels(np.full(shape, provenance, np.uint8), None, None)
         labels = np.full(shape, FacadeClass.WALL, np.uint8)
@@ -258,5 +258,5 @@ def test_lit_models_are_valid_and_have_their_time_of_day(
             assert ("emissiveTexture" in shown) == night
             if night:
                 assert shown["extensions"]["KHR_materials_emissive_strength"] == {
-                    "emissiveStrength": MATERIAL_SETTINGS.emissive_strength
+                    "emissiveStrength": GLTF_MATERIALS.emissive_strength
                 }

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from facade_core.export.models.textured_mesh import TexturedMesh
 from facade_core.export.tiles.quadtree import GridLeaf, QuadtreeMembers, collect_members, divide_grid
-from facade_core.export.tiles.settings import GRID_SETTINGS
+from facade_core.export.tiles.settings import TILE_GRIDS
 
 coordinates = st.floats(-3000, 3000, allow_subnormal=False)
 places = st.lists(st.tuples(coordinates, coordinates, st.integers(1, 100)), min_size=1, max_size=40)
@@ -35,7 +35,7 @@ def test_everything_lies_in_one_leaf_within_the_bound(things: list[tuple[float, 
     assert [leaf.path for leaf in leaves] == sorted({leaf.path for leaf in leaves})
     for leaf in leaves:
         mine = held(leaf, of)
-        side = GRID_SETTINGS.max_cell_m / 2 ** len(leaf.path.partition("_")[2].partition("_")[2])
+        side = TILE_GRIDS.max_cell_m / 2 ** len(leaf.path.partition("_")[2].partition("_")[2])
         assert of.texel_counts[mine].sum() <= most or len(mine) == 1 or side <= 1
         assert (of.points[mine] >= leaf.corner).all()
         assert (of.points[mine] < leaf.corner + side).all()
@@ -48,7 +48,7 @@ def test_cells_without_a_change_stay_as_they_were(
     things: list[tuple[float, float, int]], most: int, others: list[tuple[float, float, int]]
 ) -> None:
     """What comes lies east of all that was there."""
-    others = [(x + 3 * GRID_SETTINGS.max_cell_m + 6000, y, weight) for x, y, weight in others]
+    others = [(x + 3 * TILE_GRIDS.max_cell_m + 6000, y, weight) for x, y, weight in others]
     before, after = members(things), members(things)
     more = QuadtreeMembers(
         before.buildings,

@@ -26,7 +26,7 @@ from facade_core.export.models.textured_mesh import TexturedMesh, mesh_y_up_fram
 from facade_core.export.tiles.cells import build_quadtree
 from facade_core.export.tiles.earth import ProjectedFrame, earth_tangent_frame
 from facade_core.export.tiles.far_shells import build_shells
-from facade_core.export.tiles.settings import CELL_SETTINGS, CellSettings
+from facade_core.export.tiles.settings import TILE_CELLS, CellSettings
 from facade_core.export.tiles.tileset import (
     TiledModel,
     TilesetSummary,
@@ -107,7 +107,7 @@ def written(
     scale: float = 1.0,
     textures: str = "jpeg",
     time: TimeOfDay = "day",
-    settings: CellSettings = CELL_SETTINGS,
+    settings: CellSettings = TILE_CELLS,
 ) -> tuple[TilesetSummary, dict[str, bytes], int]:
     files: dict[str, bytes] = {}
     cells = build_quadtree(source, settings)
@@ -158,7 +158,7 @@ def drawn_ids(glb: bytes) -> set[str]:
     return found
 
 
-@pytest.mark.parametrize("texels", [CELL_SETTINGS.max_coarse_tile_texels, 60_000, 3_000])
+@pytest.mark.parametrize("texels", [TILE_CELLS.max_coarse_tile_texels, 60_000, 3_000])
 def test_tiles_nest_and_hold_every_building_at_both_levels(coloured: TexturedMesh, texels: int) -> None:
     made, files, counted = written(coloured, settings=CellSettings(max_coarse_tile_texels=texels))
     value = made.tilesets["tileset.json"]
@@ -254,7 +254,7 @@ def test_every_chart_answers_with_its_row_and_keeps_its_colour(coloured: Texture
 
 
 def fitting(source: TexturedMesh, most: float, time: TimeOfDay = "day") -> float:
-    shells = build_shells(source, 10 * CELL_SETTINGS.coarse_scale)
+    shells = build_shells(source, 10 * TILE_CELLS.coarse_scale)
     return view_texture_scale(source, shells, build_quadtree(source), texture_encoder("jpeg"), most, time)
 
 

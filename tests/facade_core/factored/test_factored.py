@@ -13,7 +13,7 @@ from facade_core.export.bodies.mouldings import free_wall_mask, most_similar_ban
 from facade_core.export.factored.grain_similarity import find_representative_grains
 from facade_core.export.factored.image_quilting import WallGrain, synthesise_grain
 from facade_core.export.factored.library import FacadeLibrary, build_library
-from facade_core.export.factored.settings import GRAIN_SETTINGS
+from facade_core.export.factored.settings import WALL_GRAINS
 from facade_core.export.factored.texture_packing import MAX_TYPE_DENSITY, pack_textures, texture_memory_bytes
 from facade_core.export.factored.units import group_elements_into_units
 from facade_core.export.factored.wall_decomposition import StoredFacadeWall, WallDecomposition
@@ -128,7 +128,7 @@ def test_grain_goes_on_into_itself_and_has_no_shade() -> None:
     shade = np.linspace(80, 200, 300)[None, :, None]
     image = np.clip(shade + rng.normal(0, 12, (200, 300, 1)), 0, 255).repeat(3, axis=2).astype(np.uint8)
     found = synthesise_grain(image, np.ones((200, 300), bool), 64.0, 7)
-    grain, side = found.relative_light, GRAIN_SETTINGS.texture_sides_px[-1]
+    grain, side = found.relative_light, WALL_GRAINS.texture_sides_px[-1]
     assert grain.shape == (side, side, 3)
     assert found.width_m == pytest.approx(side / 64)
     assert grain.mean(axis=(0, 1)) == pytest.approx(1, abs=1e-3)

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from facade_core.core.types import Building, Pose, Street
+from facade_core.core.types import Building, IngestSettings, Pose, Street
 from facade_core.geometry.chart_packing import PreviousChartPlacements
 from facade_core.geometry.charts import ChartKind
-from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan
+from facade_core.plan.ingest import BlockInputs, build_plan
 from facade_core.plan.plan import Plan
 from facade_core.plan.posed_pictures import replace_panoramas
 
@@ -18,14 +18,13 @@ from facade_core.plan.posed_pictures import replace_panoramas
 def plan_of(buildings: list[Building], texels_per_metre: float = 32.0) -> Plan:
     street = Street("s", None, shapely.LineString([(-20, -8), (60, -8)]))
     return build_plan(
-        BlockInputs(buildings, [street]),
+        BlockInputs(buildings, [street], floor_height=3),
         IngestSettings(
             texels_per_metre=texels_per_metre,
             viewpoint_spacing=6,
             viewpoint_height=2.5,
             visibility_range=40,
             panorama_width=64,
-            floor_height=3,
             walls="exemplar",
         ),
     )
@@ -75,14 +74,13 @@ def test_ids_tell_densities_apart() -> None:
     before = plan_of([house("a", 0, 0)])
     street = Street("t", None, shapely.LineString([(-20, 18), (60, 18)]))
     after = build_plan(
-        BlockInputs([house("a", 0, 0)], [replace(before.streets[0]), street]),
+        BlockInputs([house("a", 0, 0)], [replace(before.streets[0]), street], floor_height=3),
         IngestSettings(
             texels_per_metre=32,
             viewpoint_spacing=6,
             viewpoint_height=2.5,
             visibility_range=40,
             panorama_width=64,
-            floor_height=3,
             walls="exemplar",
         ),
     )

@@ -7,9 +7,9 @@ import time
 import numpy as np
 import shapely
 
-from facade_core.core.types import Building, Street
+from facade_core.core.types import Building, IngestSettings, Street
 from facade_core.geometry.growth import grow_union
-from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan
+from facade_core.plan.ingest import BlockInputs, build_plan
 
 
 def star(corners: int) -> shapely.Polygon:
@@ -40,6 +40,7 @@ def test_a_star_of_many_corners_is_ingested_in_seconds() -> None:
         BlockInputs(
             [Building("star", star(1000), 9.0, "height")],
             [Street("s", "s", shapely.LineString([(-40, -20), (40, -20)]))],
+            floor_height=3.2,
         ),
         IngestSettings(
             texels_per_metre=4.0,
@@ -47,7 +48,6 @@ def test_a_star_of_many_corners_is_ingested_in_seconds() -> None:
             viewpoint_height=2.5,
             visibility_range=40.0,
             panorama_width=64,
-            floor_height=3.2,
             walls="exemplar",
         ),
     )

@@ -7,7 +7,7 @@ import pytest
 import shapely
 from numpy.typing import NDArray
 
-from facade_core.core.types import Building, BuildingPassage, Roof, Street
+from facade_core.core.types import Building, BuildingPassage, IngestSettings, Roof, Street
 from facade_core.export.bodies.building_body import build_body
 from facade_core.export.bodies.footprints import building_footprint
 from facade_core.export.models.textured_mesh import build_textured_mesh
@@ -16,7 +16,7 @@ from facade_core.geometry.buildings.passages import footprint_without_headroom
 from facade_core.geometry.charts import ChartKind, Charts, Mesh
 from facade_core.geometry.ground.terrain import Terrain
 from facade_core.geometry.raycast import MISS, RayCaster
-from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan
+from facade_core.plan.ingest import BlockInputs, build_plan
 from facade_core.plan.plan import Plan
 
 LEVEL = Terrain(0.0, 0.0, 1.0, np.zeros((1, 1)))
@@ -162,10 +162,9 @@ def build_block_plan(building: Building) -> Plan:
         viewpoint_height=2.5,
         visibility_range=40.0,
         panorama_width=128,
-        floor_height=3.0,
         walls="exemplar",
     )
-    return build_plan(BlockInputs([building], [ALONG, THROUGH]), settings)
+    return build_plan(BlockInputs([building], [ALONG, THROUGH], floor_height=3.0), settings)
 
 
 def facades(plan: Plan) -> dict[str, NDArray[np.float64]]:

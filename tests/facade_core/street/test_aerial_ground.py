@@ -74,7 +74,7 @@ def test_unseen_ground_takes_the_picture_and_seen_ground_keeps_its_own(scene: Sc
     ground = np.flatnonzero(scene.charts.kind == ChartKind.GROUND)
     # known and unknown places are both on it
     chart = next(c for c in ground.tolist() if 0 < resample_aerial_to_chart(scene, c, picture)[1][:, 20:].mean() < 1)
-    shape = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
+    shape = scene.placement.shape(chart)
     seen = np.zeros(shape, bool)
     seen[:, :20] = True
 

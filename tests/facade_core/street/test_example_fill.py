@@ -96,7 +96,7 @@ def test_kinds_lie_where_the_map_has_them() -> None:
     found = set()
     for chart in np.flatnonzero(charts.kind == ChartKind.GROUND).tolist():
         kinds = materials.ground_kinds(chart, 12)
-        height, width = int(placement.height[chart]), int(placement.width[chart])
+        height, width = placement.shape(chart)
         assert kinds.shape == (height + 24, width + 24)
         x, y = np.meshgrid(np.arange(-12, width + 12) + 0.5, np.arange(-12, height + 12) + 0.5)
         east, north = np.moveaxis(charts.points(chart, x / 10, y / 10)[..., :2], -1, 0)

@@ -176,7 +176,7 @@ def test_light_is_laid_over_as_numpy_does() -> None:
 
 def test_what_is_a_picture_has_its_own_light_and_windows_have_no_stains(scene: Scene) -> None:
     materials, chart = MaterialField(scene, [STREET], seed=1), side(scene, 1, 1)
-    size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
+    size = scene.placement.shape(chart)
     labels = np.full(size, FacadeClass.WALL, np.uint8)
     labels[40:80, 100:140] = FacadeClass.WINDOW
     colour = np.full((*size, 3), 150, np.uint8)

@@ -122,7 +122,7 @@ def test_pieces_of_the_ground_meet_with_one_light(scene: Scene) -> None:
 def test_without_a_sun_nothing_changes_and_photos_keep_their_feet(scene: Scene) -> None:
     materials = MaterialField(scene, [STREET], seed=1)
     chart = int(np.flatnonzero(scene.charts.kind == ChartKind.WALL)[0])
-    size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
+    size = scene.placement.shape(chart)
 
     def known(rank: int) -> KnownTexture:
         def read(one: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:

@@ -87,7 +87,7 @@ def test_ground_of_a_block_looks_as_its_pictures_do_and_a_stated_material_stays(
     way = GroundWay("road", shapely.LineString([(-10, -8), (50, -8)]), "road", 6.0, "asphalt")
     own = load_grain_tables({"gravel": learn_grain(pavement(256), 2.0)})
     chart = ground(scene)
-    size = int(scene.placement.height[chart]), int(scene.placement.width[chart])
+    size = scene.placement.shape(chart)
     rgb = pavement(max(size))[: size[0], : size[1]]
     for grains, changes in ((None, True), (own, False)):
         before = MaterialField(scene, [], seed=1, ground=MappedGround((way,)), grains=grains)

@@ -53,7 +53,7 @@ def known(scene: Scene, chart: int, rank: np.ndarray, value: int) -> KnownTextur
     """One chart of one colour where rank (h, w) says that it is known; others are bare."""
 
     def read(one: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
-        shape = (int(scene.placement.height[one]), int(scene.placement.width[one]))
+        shape = scene.placement.shape(one)
         ranks = rank if one == chart else np.zeros(shape, np.uint8)
         colour = np.where(ranks[..., None] > Provenance.UNSEEN, np.uint8(value), np.zeros((*shape, 3), np.uint8))
         return colour[rows, columns], ranks[rows, columns]
@@ -62,7 +62,7 @@ def known(scene: Scene, chart: int, rank: np.ndarray, value: int) -> KnownTextur
 
 
 def bare(scene: Scene, chart: int) -> np.ndarray:
-    return np.zeros((int(scene.placement.height[chart]), int(scene.placement.width[chart])), np.uint8)
+    return np.zeros(scene.placement.shape(chart), np.uint8)
 
 
 def footed(scene: Scene, chart: int, raster: np.ndarray) -> np.ndarray:

@@ -124,7 +124,7 @@ def surface(height, width):
     scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, density, page=4096))
     field = MaterialField(scene, [line], seed=1)
     chart = int(np.argmax(charts.size.prod(axis=1)))
-    shape = (int(placement.height[chart]), int(placement.width[chart]))
+    shape = placement.shape(chart)
     rank = np.zeros(shape, np.uint8)
     rank[:30] = 5  # a strip is known, and all the rest is levelled to it
     known = np.zeros((*shape, 3), np.uint8)
@@ -193,7 +193,7 @@ def tile(height, width):
 def view(height, width):
     from facade_core.export.pictures.camera import aerial_camera
     from facade_core.export.pictures.rendering import cast_smooth_view, encode_image
-    from facade_core.export.pictures.settings import VIEW_SETTINGS
+    from facade_core.export.pictures.settings import BLOCK_VIEWS
     from facade_core.export.pictures.views import paint_view
 
     scene = walls(4, 2)
@@ -201,7 +201,7 @@ def view(height, width):
     camera = aerial_camera(scene, (height, width))
 
     def unit():
-        picture = cast_smooth_view(scene, camera, samples=VIEW_SETTINGS.samples_per_pixel_side)
+        picture = cast_smooth_view(scene, camera, samples=BLOCK_VIEWS.samples_per_pixel_side)
         assert len(picture.coarse.pixel) > picture.coarse.rgb.size // 9
         parts = ({c: np.copy(page)} for c in picture.visible_charts.tolist())
         encode_image(paint_view(picture, parts), "JPEG", quality=90)

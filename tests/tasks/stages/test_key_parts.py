@@ -22,9 +22,9 @@ from catalogs.block.reader import TextureSettings
 from catalogs.block.settings import replace_settings
 from catalogs.readers.pictures.aerial import Orthophoto
 from catalogs.readers.pictures.materials import MaterialPicture, RoofPicture
-from facade_core.core.types import Building, BuildingShell, Pose, Street
+from facade_core.core.types import Building, BuildingShell, IngestSettings, Pose, Street
 from facade_core.imagery.poses.joint_refinement import PriorPose
-from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan
+from facade_core.plan.ingest import BlockInputs, build_plan
 from facade_core.plan.plan import Plan
 from tasks.engine.inputs import differing_inputs, digest_inputs, join_key
 from tasks.engine.run import Run
@@ -105,6 +105,7 @@ def planned(*kinds: str) -> Plan:
         BlockInputs(
             [first, *(building for kind, building in others.items() if kind in kinds)],
             [Street(name, None, shapely.LineString(line)) for name, line in lines.items()],
+            floor_height=3.2,
         ),
         IngestSettings(
             texels_per_metre=4.0,
@@ -112,7 +113,6 @@ def planned(*kinds: str) -> Plan:
             viewpoint_height=2.5,
             visibility_range=60.0,
             panorama_width=128,
-            floor_height=3.2,
             walls="translate",
         ),
     )

@@ -15,8 +15,8 @@ import shapely
 from catalogs.block.reader import TextureSettings
 from catalogs.file_digest import file_digest
 from facade_core.core.labels import FacadeClass
-from facade_core.core.types import SHIPPED_MODELS, Building, Pose, Street
-from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan
+from facade_core.core.types import SHIPPED_MODELS, Building, IngestSettings, Pose, Street
+from facade_core.plan.ingest import BlockInputs, build_plan
 from facade_core.plan.plan import Plan
 from tasks.engine.inputs import (
     CODE,
@@ -148,14 +148,13 @@ def test_a_facade_of_a_panorama_stands_on_what_is_between(tmp_path: Path) -> Non
 def _plan(buildings: list[Building]) -> Plan:
     street = Street("1", None, shapely.LineString([(-10, -4), (30, -4)]))
     return build_plan(
-        BlockInputs(buildings, [street]),
+        BlockInputs(buildings, [street], floor_height=3.2),
         IngestSettings(
             texels_per_metre=4.0,
             viewpoint_spacing=6.0,
             viewpoint_height=2.5,
             visibility_range=25.0,
             panorama_width=128,
-            floor_height=3.2,
             walls="translate",
         ),
     )

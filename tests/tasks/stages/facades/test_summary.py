@@ -14,7 +14,7 @@ from facade_core.facade.facade import Facade
 from facade_core.facade.photo_facade import build_facade_from_photo
 from facade_core.facade.texture.retargeting import analyse_exemplar
 from facade_core.facade.texture.wall_floors import FacadeWall
-from tasks.stages.facades.worker import _summarize
+from tasks.stages.facades.writing import _summarize
 
 PAINTED = paint((13.0, 14.0), floors=4, columns=4, style="jugend", metres_per_pixel=0.06, seed=2)
 HIDDEN = np.zeros(PAINTED.labels.shape, bool)

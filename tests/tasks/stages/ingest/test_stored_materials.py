@@ -37,7 +37,6 @@ def test_a_store_has_the_materials_of_pictures_that_are_gone(tmp_path: Path, own
     expected = material_field(plan, run.seed, run.roof_material, run.materials).arrays
     shutil.rmtree(folder)
     found = rebuild_material_field(group, plan)
-    assert found is not None
     assert (found.arrays.charts.material == expected.charts.material).all()
     for one, other in ((found.arrays.grains, expected.grains), (found.arrays.roof, expected.roof)):
         for name, array, wanted in zip(one._fields, one, other, strict=True):

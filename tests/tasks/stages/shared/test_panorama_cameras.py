@@ -115,7 +115,7 @@ def test_cameras_of_charts_are_numbered_as_the_record_names_them() -> None:
     used = {0: [unused, two], 1: [one, two, three]}
     found = {}
     for chart, own in ((0, [1]), (1, [0, 2])):
-        size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
+        size = scene.placement.shape(chart)
         camera = np.resize(np.array(own, np.int8), size)
         found[chart] = FusedCameraView(np.zeros((*size, 3), np.uint8), camera >= 0, camera, np.ones(size, np.float32))
     atlas: Any = Value(group=group, plan=plan)

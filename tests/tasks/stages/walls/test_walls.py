@@ -14,9 +14,9 @@ import zarr
 
 from catalogs.block.reader import TextureSettings
 from facade_core.atlas.journal import write_record
-from facade_core.core.types import Building, Pose, Roof, Street
+from facade_core.core.types import Building, IngestSettings, Pose, Roof, Street
 from facade_core.geometry.charts import ChartKind
-from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan
+from facade_core.plan.ingest import BlockInputs, build_plan
 from facade_core.plan.plan import Plan
 from facade_core.plan.posed_pictures import replace_panoramas
 from tasks.engine.inputs import differing_inputs
@@ -41,14 +41,13 @@ def planned(*poses: Pose) -> Plan:
     ]
     shed = Building("shed", shapely.box(9.5, 3, 14.5, 6), 2.3, "height")
     plan = build_plan(
-        BlockInputs([*houses, shed], [Street("1", None, shapely.LineString([(-10, -6), (230, -6)]))]),
+        BlockInputs([*houses, shed], [Street("1", None, shapely.LineString([(-10, -6), (230, -6)]))], floor_height=3.2),
         IngestSettings(
             texels_per_metre=4.0,
             viewpoint_spacing=20.0,
             viewpoint_height=2.5,
             visibility_range=25.0,
             panorama_width=128,
-            floor_height=3.2,
             walls="exemplar",
         ),
     )
@@ -135,14 +134,13 @@ def long_planned() -> Plan:
     """A hall of 120 m on a street with a panorama each 6 m; the last stands before its end, beyond it."""
     hall = Building("hall", shapely.box(0, 0, 120, 12), 8.0, "height", roof=Roof("gabled", 12.0))
     plan = build_plan(
-        BlockInputs([hall], [Street("1", None, shapely.LineString([(-10, -8), (150, -8)]))]),
+        BlockInputs([hall], [Street("1", None, shapely.LineString([(-10, -8), (150, -8)]))], floor_height=3.2),
         IngestSettings(
             texels_per_metre=4.0,
             viewpoint_spacing=40.0,
             viewpoint_height=2.5,
             visibility_range=25.0,
             panorama_width=128,
-            floor_height=3.2,
             walls="exemplar",
         ),
     )
