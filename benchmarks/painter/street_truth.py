@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -58,6 +58,7 @@ class SyntheticStreet:
         CUTOUT_DISTANCE_M before it.
     axis : (2,) unit direction of the street.
     length : metres.
+    houses : the buildings.
     """
 
     scene: Scene
@@ -66,6 +67,7 @@ class SyntheticStreet:
     cutouts: tuple[UInt8Array, ...]
     axis: Float64Array
     length: float
+    houses: tuple[Building, ...]
 
     def world_point(self, along: float, across: float) -> Float64Array:
         """Return world x, y of a point `along` metres down the street and `across` metres to its left."""
@@ -112,12 +114,8 @@ def synthetic_street(
             houses.append(Building(f"{row}-{number}", outline, height, "height", base=0.0, roof=roof))
             along += width
         ends.append(along)
-    line = shapely.LineString([STREET_ORIGIN_M, STREET_ORIGIN_M + max(ends) * axis])
-    charts, mesh, _ = build_block_surfaces(
-        houses, [Street("street", None, line)], terrain=build_terrain(houses, None), ground_margin=40.0, largest=80.0
-    )
-    placement = pack_charts(charts.size, texels_per_metre, charts.building, page=2048, chunk=128, gutter=2)
-    scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, texels_per_metre))
+    scene = street_scene(houses, axis, max(ends), texels_per_metre)
+    charts = scene.charts
     walls, normal = charts.kind == ChartKind.WALL, charts.normals()
     fronts = []
     for index in range(buildings):
@@ -126,7 +124,17 @@ def synthetic_street(
         fronts.append(int(np.flatnonzero(front)[0]))
     ordered = tuple([*painted[0::2], *painted[1::2]])
     cutouts = tuple(_paint_cutout(f, occluders, np.random.default_rng([seed, i])) for i, f in enumerate(ordered))
-    return SyntheticStreet(scene, tuple(fronts), ordered, cutouts, axis, max(ends))
+    return SyntheticStreet(scene, tuple(fronts), ordered, cutouts, axis, max(ends), tuple(houses))
+
+
+def street_scene(houses: Sequence[Building], axis: Float64Array, length: float, texels_per_metre: float) -> Scene:
+    """Build the scene of houses along a street."""
+    line = shapely.LineString([STREET_ORIGIN_M, STREET_ORIGIN_M + length * axis])
+    charts, mesh, _ = build_block_surfaces(
+        houses, [Street("street", None, line)], terrain=build_terrain(houses, None), ground_margin=40.0, largest=80.0
+    )
+    placement = pack_charts(charts.size, texels_per_metre, charts.building, page=2048, chunk=128, gutter=2)
+    return Scene(mesh, charts, placement, AtlasSpec(placement.pages, texels_per_metre))
 
 
 def render_street_panorama(

@@ -48,7 +48,7 @@ def make(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, Any, str, 
             role=[0],
             roofed=[False],
         ),
-        scene=Value(placement=Value(width=[SIZE[1]], height=[SIZE[0]], texels_per_metre=[4.0])),
+        scene=Value(placement=Value(shape=lambda _: SIZE, texels_per_metre=[4.0])),
         street_density=[4.0],
     )
 
@@ -165,7 +165,7 @@ def test_a_picture_of_another_building_is_refused_with_its_reason(monkeypatch: p
     monkeypatch.setattr(evidence, "capture_date", lambda path: None)
     monkeypatch.setattr(evidence, "camera_in_chart_frame", lambda *_: None)
     monkeypatch.setattr(evidence, "explain_other_planes", lambda *_: ["", "turned by 25 degrees"])
-    plan: Any = Value(scene=Value(placement=Value(width=[SIZE[1]], height=[SIZE[0]], texels_per_metre=[4.0])))
+    plan: Any = Value(scene=Value(placement=Value(shape=lambda _: SIZE, texels_per_metre=[4.0])))
     refused: list[Exception] = []
     found = read_evidence("panoramas", plan, 0, SIZE, FacadeImagery(panoramas=PANORAMAS), {}, refused)
     assert found is not None

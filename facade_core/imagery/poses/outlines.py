@@ -34,12 +34,14 @@ class OutlineSamples:
     along : (k, 3) directions of the edges.
     group : (k,) int64 group of each sample, ascending from 0.
     weight : (groups,) angular length in radians, times inner_weight where the sky is not behind.
+    building : (groups,) int64 building of each group.
     """
 
     point: Float64Array
     along: Float64Array
     group: Int64Array
     weight: Float64Array
+    building: Int64Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,7 +88,7 @@ def sample_visible_outlines(scene: Scene, pose: Pose) -> OutlineSamples:
     A lens shows a part of them.
     """
     centre = camera_position(pose)
-    ends = _surface_edges(scene, centre)
+    ends, building = _surface_edges(scene, centre)
     length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     count = np.maximum(1, (length / OUTLINES.sample_spacing_m).astype(int))
     edge = np.repeat(np.arange(len(ends)), count)
@@ -118,11 +120,13 @@ def sample_visible_outlines(scene: Scene, pose: Pose) -> OutlineSamples:
         minlength=len(group_keys),
     )
     weight[np.bincount(group, minlength=len(group_keys)) < 3] = 0
-    return OutlineSamples(point, along, group.astype(np.int64), np.asarray(weight, np.float64))
+    return OutlineSamples(
+        point, along, group.astype(np.int64), np.asarray(weight, np.float64), building[group_keys[:, 0]]
+    )
 
 
-def _surface_edges(scene: Scene, place: Float64Array) -> Float64Array:
-    """Outline edges (k, 2, 3) of surfaces other than the ground near a position."""
+def _surface_edges(scene: Scene, place: Float64Array) -> tuple[Float64Array, Int64Array]:
+    """Outline edges (k, 2, 3) of surfaces other than the ground near a position, and the building (k,) of each."""
     mesh, charts = scene.mesh, scene.charts
     corners = mesh.vertices[mesh.triangles]
     near = (np.linalg.norm(corners - place, axis=2).min(axis=1) < OUTLINES.max_outline_distance_m) & (
@@ -136,8 +140,8 @@ def _surface_edges(scene: Scene, place: Float64Array) -> Float64Array:
     _, first, count = np.unique(key, axis=0, return_index=True, return_counts=True)
     single = np.sort(first[count == 1])
     _, once = np.unique(pair[single], axis=0, return_index=True)  # edges that two surfaces share, once
-    edges: Float64Array = sides[single[np.sort(once)]]
-    return edges
+    kept = single[np.sort(once)]
+    return sides[kept], charts.building[mesh.chart[near]].astype(np.int64)[kept // 3]
 
 
 def _visible_outline(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -115,10 +116,17 @@ def refine_pose(scene: Scene, image: UInt8Array, pose: Pose, *, height_is_assume
         best = search.search_again(
             max((candidate for candidate in candidates if candidate is not None), key=search.score)
         )
+        if abs(best.offset[2]) < REFINEMENT.min_height_change_m or search.find_agreement(best, (0, 1, 2)) < (
+            REFINEMENT.min_height_agreement
+        ):
+            best = search.search_at_height()
         fit_before, fit_after = outline_fit(outline, search.pictures[1], levelled, np.zeros(3)), best.fit
         covariance = best.covariance if fit_after >= REFINEMENT.min_fit and search.score(best) > 0 else None
-        if covariance is None or fit_after - fit_before < REFINEMENT.min_fit_gain:
-            reasons.append(f"place as given: the outlines fit {fit_before:.2f} there and at best {fit_after:.2f}")
+        why = f"the outlines fit {fit_before:.2f} there and at best {fit_after:.2f}"
+        if covariance is not None and fit_after - fit_before >= REFINEMENT.min_fit_gain:
+            why = search.refute(best, lines, rotation)
+        if why:
+            reasons.append(f"place as given: {why}")
             fit_after = fit_before
             if covariance is not None:  # the search bounds the error of the stated position
                 covariance = covariance + np.diag(np.append(best.offset, best.turn_deg) ** 2)
@@ -182,6 +190,46 @@ class _Search:
         if level > REFINEMENT.max_offset_m[0] or up > REFINEMENT.max_offset_m[1]:
             return -1.0
         return place.fit - OUTLINES.horizontal_cost * level**2 - OUTLINES.stated_height_cost * up**2
+
+    def search_at_height(self) -> CameraPositionEstimate:
+        """Search at the stated height."""
+        edges = sample_visible_outlines(self.scene, self.pose)
+        found = fit_camera_position(
+            edges, self.pictures, self.pose, heading_deg=self.heading_deg, height_is_assumed=True
+        )
+        offset = found.offset * (1, 1, 0)
+        return replace(
+            found, offset=offset, fit=outline_fit(edges, self.pictures[1], self.pose, offset, found.turn_deg)
+        )
+
+    def find_agreement(self, place: CameraPositionEstimate, axes: Sequence[int]) -> float:
+        """Return the share of the outlines whose building fits hardly better, alone, anywhere along these axes."""
+        pose = self.pose_at(place.offset, place.turn_deg)
+        edges = sample_visible_outlines(self.scene, pose)
+        share = 0.0
+        for building in np.unique(edges.building).tolist():
+            own = replace(edges, weight=np.where(edges.building == building, edges.weight, 0.0))
+            fit = outline_fit(own, self.pictures[1], pose, np.zeros(3))
+            tried = [
+                outline_fit(own, self.pictures[1], pose, at * np.eye(3)[axis])
+                for axis in axes
+                for at in np.arange(-1, 1 + 1e-9, 0.08) * REFINEMENT.agreement_reach_m[axis]
+            ]
+            if max(tried) - fit <= REFINEMENT.max_agreement_loss:
+                share += own.weight.sum() / edges.weight.sum()
+        return float(share)
+
+    def refute(self, place: CameraPositionEstimate, lines: WallLines, rotation: Float64Array) -> str:
+        """Return what speaks against a place, "" for nothing."""
+        turned = rotation_about_z(-place.turn_deg) @ rotation
+        if len(lines) and line_misfit(lines, turned) > (1 + REFINEMENT.max_misfit_increase) * line_misfit(
+            lines, rotation
+        ):
+            return "lines on walls would be less level and upright"
+        agreeing = self.find_agreement(place, (0, 1))
+        if agreeing < REFINEMENT.min_place_agreement:
+            return f"buildings with only {agreeing:.0%} of the outlines fit best at one place"
+        return ""
 
     def pose_at(self, offset: Float64Array, turn_deg: float) -> Pose:
         """Return the pose translated by metres (3,) and turned clockwise from above."""

@@ -140,8 +140,7 @@ class MisplacementSettings:
 
     Attributes
     ----------
-    min_other_fit : outlines fit elsewhere from this fit on. By chance they fit up to 0.23, at the true position from
-        0.35 on.
+    min_other_fit : outlines fit elsewhere from this fit on; by chance they reach .4 in real pictures.
     min_fit_gain : elsewhere they must also fit better by this.
     min_outline_groups : groups of visible outlines that distinguish positions.
     min_turn_deg : tried headings differ from the stated one by at least this many degrees.
@@ -155,7 +154,7 @@ class MisplacementSettings:
     mirror_turns_deg : turns in degrees at which the mirror image is tried.
     """
 
-    min_other_fit: float = 0.3
+    min_other_fit: float = 0.5
     min_fit_gain: float = 0.12
     min_outline_groups: int = 40
     min_turn_deg: float = 5.0
@@ -359,6 +358,12 @@ class RefinementSettings:
     max_restarts : this often at most.
     max_offset_m : positions farther from the stated one are rejected: metres horizontally and vertically.
     height_change_error : share of a height correction that may be the model's error.
+    max_misfit_increase : a position is rejected if the misfit of the lines grows by a larger share.
+    min_height_agreement : a changed height needs so large a share of the outlines whose buildings agree,
+    min_place_agreement : and a place so large a share.
+    max_agreement_loss : a building agrees where its own outlines fit by this less, at most, than anywhere near,
+    agreement_reach_m : by these metres east, north and up.
+    min_height_change_m : smaller changes of a height are within the error of outlines, and left.
     """
 
     min_lines: int = 24
@@ -368,7 +373,7 @@ class RefinementSettings:
     min_outline_groups: int = 10
     min_lens_outline_groups: int = 30
     min_outline_length: float = 0.5
-    min_fit: float = 0.3
+    min_fit: float = 0.5
     min_fit_gain: float = 0.06
     heading_sigma_deg: float = 1.0
     line_heading_sigma_deg: float = 0.1
@@ -377,6 +382,12 @@ class RefinementSettings:
     max_restarts: int = 2
     max_offset_m: tuple[float, float] = (1.5, 3.0)
     height_change_error: float = 0.3
+    max_misfit_increase: float = 0.02
+    min_height_agreement: float = 0.87
+    min_place_agreement: float = 0.75
+    max_agreement_loss: float = 0.1
+    agreement_reach_m: tuple[float, float, float] = (1.5, 1.5, 4.0)
+    min_height_change_m: float = 0.5
 
 
 REFINEMENT = RefinementSettings()

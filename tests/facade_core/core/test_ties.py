@@ -49,7 +49,10 @@ def test_near_ties_go_to_the_first(choose: Callable[..., int], sign: float, nois
     assert choose(values) == 1
     assert choose(values[::-1]) == 2
     assert choose(sign * np.array([3.0 + 1e-6, 3.0])) == 1
-    assert choose(sign * np.array([3.0 + 1e-6, 3.0]), 1e-5) == 0
+
+
+def test_what_differs_by_less_than_a_tolerance_is_equal() -> None:
+    assert first_minimum([3.0 + 1e-6, 3.0], 1e-5) == 0
 
 
 @pytest.mark.parametrize("noise", NOISE)
