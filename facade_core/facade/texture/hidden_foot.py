@@ -1,6 +1,7 @@
-"""Foot of a photographed facade that is hidden as a whole: storeys of the facade are repeated down to the ground.
+"""Foot of a photographed facade that is hidden as a whole: what stands above it goes on down to the ground.
 
 Inpainting has no source there: the rows beside a hidden foot are hidden too, and nothing below it says where a storey ends.
+Storeys are repeated; below shops and doors no storey can be, and their own lower part goes on.
 """
 
 from __future__ import annotations
@@ -38,12 +39,14 @@ class HiddenFoot(NamedTuple):
     ----------
     top : its first row.
     start : row at which the first repetition begins, at or above `top`.
-    storey : storey that is repeated.
+    storey : storey that is repeated, or that is as high as the ground floor.
+    ground_floor : first row of the lower part of shops or doors above the foot, which goes on; None without any.
     """
 
     top: int
     start: int
     storey: Storey
+    ground_floor: int | None = None
 
 
 def find_hidden_foot(image: UInt8Array, hidden: BoolArray, labels: UInt8Array) -> HiddenFoot | None:
@@ -72,6 +75,9 @@ def find_hidden_foot(image: UInt8Array, hidden: BoolArray, labels: UInt8Array) -
     storey = None if found is None else _choose_storey(found, hidden, shown)
     if found is None or storey is None or height - top < HIDDEN_FOOT.min_height_storeys * storey.height:
         return None
+    ground_floor = _find_ground_floor(shown, storey.height)
+    if ground_floor is not None:
+        return HiddenFoot(top, top, storey, (ground_floor + top) // 2)
     start = found.floors[-1][0] - (storey.window_top - storey.top)  # at the last windows, which the foot may cut
     start += max(0, top - start) // storey.height * storey.height
     start = min(start, top)
@@ -88,9 +94,10 @@ def find_hidden_foot(image: UInt8Array, hidden: BoolArray, labels: UInt8Array) -
 def repeat_storeys(
     image: UInt8Array, hidden: BoolArray, labels: UInt8Array, foot: HiddenFoot
 ) -> tuple[UInt8Array, BoolArray, UInt8Array]:
-    """Repeat the storey of a facade over its hidden foot, in the light of the storey above.
+    """Repeat the storey of a facade over its hidden foot, in the light of the storey above, or continue its ground floor.
 
-    Windows keep their height. The wall below the last windows takes what is left.
+    Windows keep their height. The wall below the last windows takes what is left. A ground floor goes on mirrored, without
+    its upper half, where signs are.
 
     Parameters
     ----------
@@ -102,13 +109,28 @@ def repeat_storeys(
     Image and labels with the foot, and what is still to be inpainted, (h, w) bool: a seam, and what is hidden above the foot or
     in the repeated storey.
     """
-    rows = _source_rows(foot.storey, len(image) - foot.start)[foot.top - foot.start :]
+    if foot.ground_floor is None:
+        rows = _source_rows(foot.storey, len(image) - foot.start)[foot.top - foot.start :]
+        gain = _foot_gain(image, hidden, labels, foot)
+    else:
+        there = np.arange(foot.ground_floor, foot.top)
+        rows, gain = np.resize(np.concatenate([there[::-1], there]), len(image) - foot.top), 1.0
     repeated, missing, classes = image.copy(), hidden.copy(), labels.copy()
-    levelled = np.rint(image[rows] * _foot_gain(image, hidden, labels, foot))
+    levelled = np.rint(image[rows] * gain)
     repeated[foot.top :] = np.clip(levelled, 0, 255).astype(np.uint8)
     missing[foot.top :], classes[foot.top :] = hidden[rows], labels[rows]
     missing[foot.top : foot.top + max(1, round(HIDDEN_FOOT.seam_storeys * foot.storey.height))] = True
     return repeated, missing, classes
+
+
+def _find_ground_floor(labels: UInt8Array, storey: int) -> int | None:
+    """Return the first row of the shops or doors at the end of labels (h, w), None without any near the last row."""
+    share = np.isin(labels, (FacadeClass.SHOP, FacadeClass.DOOR)).mean(axis=1) >= HIDDEN_FOOT.min_ground_floor_share
+    below = int(np.argmax(share[::-1])) if share.any() else storey
+    if below >= HIDDEN_FOOT.max_plinth_storeys * storey:
+        return None
+    bottom = len(share) - below
+    return bottom - int(np.logical_and.accumulate(share[:bottom][::-1]).sum())
 
 
 def _foot_gain(image: UInt8Array, hidden: BoolArray, labels: UInt8Array, foot: HiddenFoot) -> float:

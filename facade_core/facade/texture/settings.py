@@ -184,6 +184,8 @@ class HiddenFootSettings:
     min_last_storeys : smallest height, in storeys, of the last repeated one; a lower rest is bare wall below the one above
         it.
     seam_storeys : rim below the top of the foot, in storeys, that is inpainted between photo and repetition.
+    min_ground_floor_share : share of a row that shops and doors take on a ground floor.
+    max_plinth_storeys : the foot begins at most this far below such rows, in storeys, or a storey stands between.
     """
 
     min_hidden_row_share: float = 0.6
@@ -202,6 +204,8 @@ class HiddenFootSettings:
     min_wall_share: float = 0.05
     min_last_storeys: float = 0.7
     seam_storeys: float = 0.05
+    min_ground_floor_share: float = 0.1
+    max_plinth_storeys: float = 0.5
 
 
 HIDDEN_FOOT = HiddenFootSettings()

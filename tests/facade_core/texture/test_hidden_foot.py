@@ -102,6 +102,26 @@ def test_a_repeated_storey_takes_no_tint_and_no_light_from_another_material(why:
     np.testing.assert_allclose(light, 1, atol=0.05)
 
 
+@pytest.mark.parametrize("kind", [FacadeClass.SHOP, FacadeClass.DOOR])
+@pytest.mark.parametrize("plinth", [0, 4])
+def test_below_shops_and_doors_no_flats_are_repeated(kind: FacadeClass, plinth: int) -> None:
+    image, labels, top = DRAWN.image.copy(), DRAWN.labels.copy(), HEIGHT - round(1.5 * FLOOR)
+    ground = slice(top - FLOOR, top)
+    image[ground], labels[ground] = (200, 180, 150), FacadeClass.WALL
+    entrance = np.s_[ground.start + 6 : top - plinth, WIDTH // 4 : WIDTH // 2]
+    image[entrance], labels[entrance] = (90, 60, 40), kind
+    sign = np.s_[ground.start + 6 : ground.start + 12, WIDTH // 4 : WIDTH // 2]
+    image[sign] = (250, 30, 30)
+    foot = find_hidden_foot(image, hide(top), labels)
+    assert foot is not None
+    filled, missing, shown = repeat_storeys(image, hide(top), labels, foot)
+    below = hide(top) & ~missing
+    assert below.sum() > 0.9 * hide(top).sum()
+    assert not (shown[top:] == FacadeClass.WINDOW).any()
+    assert (shown[top:] == kind).mean() > 0.15
+    assert not (filled[below] == (250, 30, 30)).all(axis=1).any(), "signs are not repeated"
+
+
 def test_columns_that_no_row_shows_say_nothing_of_a_foot() -> None:
     """A third of the facade is seen, and its foot is hidden."""
     hidden = hide(HEIGHT - round(1.75 * FLOOR))
