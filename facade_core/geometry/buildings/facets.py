@@ -224,13 +224,18 @@ def _orient_outward(
 def _chart_kinds(
     facet_semantic: Int64Array, outward: Float64Array, upright: BoolArray, low: Float64Array
 ) -> Int64Array:
-    """Return the chart kinds (f,) of facets, by semantic, else by slope and place; -1 for the underside."""
+    """Return the chart kinds (f,) of facets, by semantic, else by slope and place; -1 for the underside.
+
+    What stands upright is a wall, also where its source calls it a roof.
+    """
     level = np.where(outward[:, 2] > 0, ChartKind.ROOF, np.where(low < FACETS.underside_m, -1, ChartKind.CEILING))
     decided = np.array([_KIND_OF_SEMANTIC.get(name, -1) for name in SEMANTICS])[facet_semantic]
     kind = np.where(
         (facet_semantic == _UNKNOWN) | (facet_semantic == _WALL), np.where(upright, ChartKind.WALL, level), decided
     )
-    return np.where((facet_semantic == _ROOF) & ~upright & (outward[:, 2] < 0), ChartKind.CEILING, kind)
+    is_roof = facet_semantic == _ROOF
+    kind = np.where(is_roof & upright, ChartKind.WALL, kind)
+    return np.where(is_roof & ~upright & (outward[:, 2] < 0), ChartKind.CEILING, kind)
 
 
 @njit(cache=True)

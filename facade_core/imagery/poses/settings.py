@@ -347,7 +347,7 @@ class RefinementSettings:
     min_lens_outline_groups : the same in a picture of a lens, which has them on one side: on a painted street 12 moved a
         true pose by 0.4 m.
     min_outline_length : sum of their lengths in radians that a position needs.
-    min_fit : a position is accepted if its fit is at least this
+    min_fit : a position is accepted if its fit is at least this, and trusted; true ones fit from .57 on in painted streets,
     min_fit_gain : and better by this.
     heading_sigma_deg : expected error of the heading in degrees, as stated.
     line_heading_sigma_deg : the same after lines have corrected it.

@@ -13,13 +13,11 @@ from facade_core.imagery.cameras.exposure import sample_ground_colours
 from facade_core.imagery.poses.misplaced import explain_misplacement
 from facade_core.imagery.poses.outlines import sample_visible_outlines
 from facade_core.imagery.poses.refinement import refine_pose
+from facade_core.imagery.poses.settings import REFINEMENT
 from facade_core.imagery.rectify.full_circle import check_full_panorama
 from tasks.engine.inputs import GEOMETRY_CHANGED, PICTURE_CHANGED, input_field
 from tasks.stages.shared.images import max_picture_pixels, read_panorama
 from tasks.stages.shared.scene_view import SceneView
-
-# Fit of building outlines, 0 to 1, above which a pose is trusted. Correct poses on painted streets fit from 0.57 on.
-MIN_TRUSTED_FIT = 0.5
 
 
 @dataclass(frozen=True)
@@ -61,7 +59,7 @@ def compute_pose(inputs: PoseInputs) -> PoseFields:
         check_full_panorama(picture)
     found = refine_pose(scene, picture, given, height_is_assumed=inputs.is_height_assumed)
     pose = found.pose
-    if not found.fit >= MIN_TRUSTED_FIT:  # nor where nothing tells
+    if not found.fit >= REFINEMENT.min_fit:  # nor where nothing tells
         fitting = found.fit if math.isfinite(found.fit) else 0.0
         if why := explain_misplacement(scene, picture, pose, sample_visible_outlines(scene, pose), fitting):
             raise ImageError(why)

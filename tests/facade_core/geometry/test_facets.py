@@ -118,6 +118,15 @@ def test_semantics_keep_facets_apart_and_decide_their_kind() -> None:
     assert sorted(found.kind[facing].tolist()) == [ChartKind.WALL, ChartKind.WINDOW]
 
 
+def test_what_stands_upright_is_a_wall_whatever_its_source_calls_it() -> None:
+    corners = box(0, 0, 0, 20, 10, 9)
+    found = extract_shell_facets(shell(corners, SEMANTICS.index("roof")), shapely.box(0, 0, 20, 10))
+    upright = np.abs(found.normal[:, 2]) < 0.5
+    assert (found.kind[upright] == ChartKind.WALL).all()
+    assert found.kind[found.normal[:, 2] > 0.5].tolist() == [ChartKind.ROOF]
+    assert upright.sum() == 4
+
+
 def test_slightly_bent_walls_are_one_facet_and_corners_are_not() -> None:
     """A wall whose middle lies 4 cm off, in halves of 10 m; and one that turns by 6 degrees."""
     for bend, count in ((0.04, 1), (1.05, 2)):
