@@ -43,6 +43,14 @@ class OutlineSamples:
     weight: Float64Array
     building: Int64Array
 
+    def select_building(self, building: int) -> OutlineSamples:
+        """Return the samples of one building."""
+        own = self.building[self.group] == building
+        groups, group = np.unique(self.group[own], return_inverse=True)
+        return OutlineSamples(
+            self.point[own], self.along[own], group.reshape(-1), self.weight[groups], self.building[groups]
+        )
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Gradients:

@@ -208,7 +208,7 @@ class _Search:
         edges = sample_visible_outlines(self.scene, pose)
         share = 0.0
         for building in np.unique(edges.building).tolist():
-            own = replace(edges, weight=np.where(edges.building == building, edges.weight, 0.0))
+            own = edges.select_building(building)
             fit = outline_fit(own, self.pictures[1], pose, np.zeros(3))
             tried = [
                 outline_fit(own, self.pictures[1], pose, at * np.eye(3)[axis])
