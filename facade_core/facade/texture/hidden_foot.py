@@ -75,7 +75,7 @@ def find_hidden_foot(image: UInt8Array, hidden: BoolArray, labels: UInt8Array) -
     storey = None if found is None else _choose_storey(found, hidden, shown)
     if found is None or storey is None or height - top < HIDDEN_FOOT.min_height_storeys * storey.height:
         return None
-    ground_floor = _find_ground_floor(shown, storey.height)
+    ground_floor = _find_ground_floor(shown, found, storey.height)
     if ground_floor is not None:
         return HiddenFoot(top, top, storey, (ground_floor + top) // 2)
     start = found.floors[-1][0] - (storey.window_top - storey.top)  # at the last windows, which the foot may cut
@@ -123,9 +123,15 @@ def repeat_storeys(
     return repeated, missing, classes
 
 
-def _find_ground_floor(labels: UInt8Array, storey: int) -> int | None:
-    """Return the first row of the shops or doors at the end of labels (h, w), None without any near the last row."""
+def _find_ground_floor(labels: UInt8Array, found: FloorsAndBays, storey: int) -> int | None:
+    """Return the first row of the shops, doors or panes of an entrance at the end of labels (h, w), None without any there.
+
+    Panes that are higher than windows are on other storeys are those of an entrance.
+    """
     share = np.isin(labels, (FacadeClass.SHOP, FacadeClass.DOOR)).mean(axis=1) >= HIDDEN_FOOT.min_ground_floor_share
+    heights = [last - first for first, last in found.floors]
+    if heights[-1] > HIDDEN_FOOT.usual_windows[1] * np.median(heights):
+        share[slice(*found.floors[-1])] = True
     below = int(np.argmax(share[::-1])) if share.any() else storey
     if below >= HIDDEN_FOOT.max_plinth_storeys * storey:
         return None

@@ -216,8 +216,8 @@ class _Search:
                 for at in np.arange(-1, 1 + 1e-9, 0.08) * REFINEMENT.agreement_reach_m[axis]
             ]
             if max(tried) - fit <= REFINEMENT.max_agreement_loss:
-                share += own.weight.sum() / edges.weight.sum()
-        return float(share)
+                share += float(own.weight.sum())
+        return share / max(float(edges.weight.sum()), 1e-9)
 
     def refute(self, place: CameraPositionEstimate, lines: WallLines, rotation: Float64Array) -> str:
         """Return what speaks against a place, "" for nothing."""

@@ -122,6 +122,18 @@ def test_below_shops_and_doors_no_flats_are_repeated(kind: FacadeClass, plinth: 
     assert not (filled[below] == (250, 30, 30)).all(axis=1).any(), "signs are not repeated"
 
 
+def test_below_high_panes_no_flats_are_repeated() -> None:
+    image, labels, top = DRAWN.image.copy(), DRAWN.labels.copy(), HEIGHT - round(1.5 * FLOOR)
+    ground = slice(top - round(1.6 * FLOOR), top)
+    image[ground], labels[ground] = (200, 180, 150), FacadeClass.WALL
+    pane = np.s_[ground.start + 4 : top - 4, WIDTH // 4 : 3 * WIDTH // 4]
+    image[pane], labels[pane] = (60, 80, 110), FacadeClass.WINDOW
+    foot = find_hidden_foot(image, hide(top), labels)
+    assert foot is not None
+    assert foot.ground_floor is not None
+    assert ground.start < foot.ground_floor < top
+
+
 def test_columns_that_no_row_shows_say_nothing_of_a_foot() -> None:
     """A third of the facade is seen, and its foot is hidden."""
     hidden = hide(HEIGHT - round(1.75 * FLOOR))
