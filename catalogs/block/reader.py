@@ -29,7 +29,7 @@ from catalogs.buildings.buried_feet import cut_buried_feet
 from catalogs.buildings.extents import Bounds
 from catalogs.crs import parse_crs
 from catalogs.features import Fault, feature_ids_by_reason, format_reason_notes
-from catalogs.readers.pictures.folders import check_picture, list_exemplars, list_images, photos_by_facade
+from catalogs.readers.pictures.folders import check_picture, list_images, photos_by_facade
 from catalogs.readers.pictures.materials import MaterialPicture, RoofPicture, read_material_pictures
 from catalogs.readers.pictures.panoramas import PosedPanorama
 from facade_core.core.errors import BlockFileError
@@ -338,18 +338,16 @@ class _UnposedPictures(NamedTuple):
 def _read_pictures(keys: BlockFileSettings, files: NamedFiles, file: BlockFileErrorContext) -> _UnposedPictures:
     photos: dict[str, Path] = {}
     faults: tuple[Fault, ...] = ()
-    exemplars: tuple[Path, ...] = ()
-    if "imagery.exemplars.path" in files:
-        exemplars, faults = file.call_reader(
-            "imagery.exemplars.path", list_exemplars, files["imagery.exemplars.path"][0]
-        )
-    style: tuple[Path, ...] = ()
-    if "imagery.style.path" in files:
-        style, broken = file.call_reader("imagery.style.path", list_images, files["imagery.style.path"][0], "exemplar")
-        faults += broken
+    listed: dict[str, tuple[Path, ...]] = {}
+    for key in ("imagery.exemplars.path", "imagery.style.path"):
+        listed[key] = ()
+        if key in files:
+            listed[key], broken = file.call_reader(key, list_images, files[key][0], "exemplar")
+            faults += broken
     if "imagery.photos.path" in files:
         photos, absent = file.call_reader("imagery.photos.path", photos_by_facade, files["imagery.photos.path"][0])
         faults += absent
+    exemplars, style = listed.values()
     if keys.texture.walls == "exemplar" and not (exemplars or style):
         raise file.make_error(
             "imagery.exemplars", "missing, but texture.walls is exemplar; write exemplars: {path: FOLDER}"

@@ -54,22 +54,6 @@ def list_images(folder: Path, kind: str) -> tuple[tuple[Path, ...], tuple[Fault,
     return usable, (*broken, *faults)
 
 
-def list_exemplars(folder: Path) -> tuple[tuple[Path, ...], tuple[Fault, ...]]:
-    """List the exemplars of a folder as `list_images`; a second file of one name without suffix is a fault."""
-    usable, faults = list_images(folder, "exemplar")
-    by_name: dict[str, Path] = {}
-    for path in usable:
-        by_name.setdefault(path.stem, path)
-    repeated = (
-        Fault(
-            path.name, "exemplar", f"{by_name[path.stem].name} is the exemplar {path.stem} already; rename {path.name}"
-        )
-        for path in usable
-        if path not in by_name.values()
-    )
-    return tuple(by_name.values()), (*faults, *repeated)
-
-
 def check_picture(path: Path) -> None:
     """Raise InputError where a picture cannot be opened or is truncated."""
     if problem := _find_damage(path, 1):

@@ -15,7 +15,7 @@ from catalogs import file_digest
 from catalogs.block.reader import read_block
 from catalogs.readers.pictures import decoding, picture_kinds
 from catalogs.readers.pictures.decoding import read_picture
-from catalogs.readers.pictures.folders import list_exemplars, list_images, photos_by_facade
+from catalogs.readers.pictures.folders import list_images, photos_by_facade
 from facade_core.core.errors import ImageError, InputError
 
 RGB = np.random.default_rng(1).integers(0, 255, (20, 24, 3), np.uint8)
@@ -81,15 +81,6 @@ def test_companions_are_no_faults(tmp_path: Path) -> None:
         (tmp_path / name).write_bytes(b"\xff\xd8\xff")
     (tmp_path / "empty").mkdir()
     assert list_images(tmp_path, "photo") == ((path,), ())
-
-
-def test_exemplars_have_names_of_their_own(tmp_path: Path) -> None:
-    first, second = save(tmp_path / "a.jpg"), save(tmp_path / "b.png")
-    save(tmp_path / "a.png")
-    exemplars, (fault,) = list_exemplars(tmp_path)
-    assert exemplars == (first, second)
-    assert (fault.id, fault.kind) == ("a.png", "exemplar")
-    assert fault.reason == "a.jpg is the exemplar a already; rename a.png"
 
 
 def test_pictures_in_folders_are_named(tmp_path: Path) -> None:
