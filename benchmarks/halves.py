@@ -3,10 +3,11 @@
 The street panoramas of DIR/panoramas look along their street, with the ground assumed level CAMERA_HEIGHT_M below them. What a
 run trusts of the ground before the camera is known, what it trusts behind it is asked, and the other way round. Of a
 carriageway WIDTH_M wide, PSNR in dB of means over squares of .5 m, and of texels. By MADE: the material alone; after the
-picture (docs/decisions/0167); continued by viewpoints (0168); and two ways to copy that a run does not use: strips of the known
+picture (docs/decisions/0167); continued by viewpoints (0168); and two methods of copying that no run uses: strips of the known
 half laid one after the other along the street, each the one of usual look that fits its neighbour, with the cut of least
 difference between them (Efros and Freeman 2001); and what runs along the street, which the known half shows at the same place
-across it over most of its length. better: share of halves in which a way exceeds what is continued. Means over halves.
+across it along most of its length. better: share of halves in which a method is nearer to the picture than `continued`.
+All figures are means over halves.
 """
 
 from __future__ import annotations
@@ -132,7 +133,7 @@ def _straight_street() -> tuple[Scene, MaterialField, shapely.LineString]:
 
 
 def _copied_strips(rgb: np.ndarray, known: np.ndarray, plain: np.ndarray) -> np.ndarray:
-    """Copy what is known to the east of the middle to its west, strip by strip; `plain` where a strip shows nothing."""
+    """Fill the western half with strips of the known eastern half; `plain` where a strip is unknown."""
     middle, long, over = rgb.shape[1] // 2, round(STRIP_M * DENSITY), round(OVERLAP_M * DENSITY)
     source, mask = rgb[:, middle:].astype(np.float32), known[:, middle:]
     typical = np.nan_to_num(np.nanmedian(np.where(mask[..., None], source, np.nan), axis=1, keepdims=True))
@@ -176,7 +177,7 @@ def _least_cut(cost: np.ndarray) -> np.ndarray:
 
 
 def _with_lines(rgb: np.ndarray, known: np.ndarray, plain: np.ndarray) -> np.ndarray:
-    """Add what differs from its surroundings across the street over most of what is known along it."""
+    """Add lines along the street that the known half shows along most of its length."""
     side = round(DENSITY)
     columns = rgb.shape[1] // side * side
     cells = np.where(known[..., None], rgb, np.nan)[:, :columns].reshape(len(rgb), -1, side, 3)

@@ -34,7 +34,7 @@ class Facade:
     estimates : window share, number of windows and of floors, with intervals; None without a photo.
     floors : number of floors, the ground floor included; 0 without windows.
     seconds : seconds of each stage.
-    repeated_foot_share : share of the height at the foot that is hidden, and repeats storeys above.
+    repeated_foot_share : share of the height at the foot that is hidden, and continues what stands above.
     """
 
     evidence: UInt8Array

@@ -1,7 +1,7 @@
 """Foot of a photographed facade that is hidden as a whole: what stands above it goes on down to the ground.
 
 Inpainting has no source there: the rows beside a hidden foot are hidden too, and nothing below it says where a storey ends.
-Storeys are repeated; below shops and doors no storey can be, and their own lower part goes on.
+Storeys are repeated. Below shops and doors there are none: their own lower part is repeated.
 """
 
 from __future__ import annotations
@@ -96,8 +96,8 @@ def repeat_storeys(
 ) -> tuple[UInt8Array, BoolArray, UInt8Array]:
     """Repeat the storey of a facade over its hidden foot, in the light of the storey above, or continue its ground floor.
 
-    Windows keep their height. The wall below the last windows takes what is left. A ground floor goes on mirrored, without
-    its upper half, where signs are.
+    Windows keep their height. The wall below the last windows takes what is left. The lower half of a
+    ground floor is repeated mirrored; its upper half has signs.
 
     Parameters
     ----------
@@ -124,9 +124,9 @@ def repeat_storeys(
 
 
 def _find_ground_floor(labels: UInt8Array, found: FloorsAndBays, storey: int) -> int | None:
-    """Return the first row of the shops, doors or panes of an entrance at the end of labels (h, w), None without any there.
+    """Return the first row of shops, doors or entrance panes at the lower end of labels (h, w), None without any there.
 
-    Panes that are higher than windows are on other storeys are those of an entrance.
+    Panes of an entrance are higher than the windows of other storeys.
     """
     share = np.isin(labels, (FacadeClass.SHOP, FacadeClass.DOOR)).mean(axis=1) >= HIDDEN_FOOT.min_ground_floor_share
     heights = [last - first for first, last in found.floors]

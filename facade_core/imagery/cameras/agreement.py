@@ -101,8 +101,8 @@ def find_thin_objects(views: Sequence[ChartView], density: float) -> list[BoolAr
 def find_ground_lines(views: Sequence[ChartView], feet: Sequence[Float64Array], density: float) -> list[BoolArray]:
     """Mask texels of each view of level ground that lie on it as lines: paint, rails, kerbs.
 
-    What stands on the ground points away from the camera's foot. A line that passes the foot lies on the ground, unless
-    another camera shows the place without it.
+    In a view, an upright object is a line away from the point below the camera. Other lines lie on the ground, unless another
+    camera shows that place without a line.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def find_ground_lines(views: Sequence[ChartView], feet: Sequence[Float64Array], 
         for number, (left, top, wide, high, _) in enumerate(boxes[1:].tolist(), 1):
             box = slice(top, top + high), slice(left, left + wide)
             cells = is_thin[box] & (numbers[box] == number)
-            if _passes(cells, foot / side - (left, top), side / density):
+            if _lies_on_ground(cells, foot / side - (left, top), side / density):
                 lies[box] |= cells
         lines.append(squares_to_texels(lies, side, view.seen.shape))
     rim = AGREEMENT.thin_rim_cells * side
@@ -134,7 +134,7 @@ def find_ground_lines(views: Sequence[ChartView], feet: Sequence[Float64Array], 
     ]
 
 
-def _passes(cells: BoolArray, foot: Float64Array, cell_m: float) -> bool:
+def _lies_on_ground(cells: BoolArray, foot: Float64Array, cell_m: float) -> bool:
     """Return True for cells (r, c) along a line that does not point at a place, in cells."""
     row, column = np.nonzero(cells)
     offsets = np.column_stack([column, row]) + 0.5 - foot

@@ -107,19 +107,8 @@ def refine_pose(scene: Scene, image: UInt8Array, pose: Pose, *, height_is_assume
             coarse_and_fine_gradients(image, levelled),
             levelled,
             REFINEMENT.heading_sigma_deg if reason else REFINEMENT.line_heading_sigma_deg,
-            height_is_assumed,
         )
-        candidates = [
-            search.search_from_height(up)
-            for up in ((0.0,) if height_is_assumed else (0.0, *REFINEMENT.start_heights_m))
-        ]
-        best = search.search_again(
-            max((candidate for candidate in candidates if candidate is not None), key=search.score)
-        )
-        if abs(best.offset[2]) < REFINEMENT.min_height_change_m or search.find_agreement(best, (0, 1, 2)) < (
-            REFINEMENT.min_height_agreement
-        ):
-            best = search.search_at_height()
+        best = search.search_at_height() if height_is_assumed else search.search_freely()
         fit_before, fit_after = outline_fit(outline, search.pictures[1], levelled, np.zeros(3)), best.fit
         covariance = best.covariance if fit_after >= REFINEMENT.min_fit and search.score(best) > 0 else None
         why = f"the outlines fit {fit_before:.2f} there and at best {fit_after:.2f}"
@@ -159,7 +148,18 @@ class _Search:
     pictures: tuple[Gradients, Gradients]
     pose: Pose
     heading_deg: float
-    height_is_assumed: bool
+
+    def search_freely(self) -> CameraPositionEstimate:
+        """Search from several heights; a height that buildings do not agree on stays as stated, with its error."""
+        candidates = [self.search_from_height(up) for up in (0.0, *REFINEMENT.start_heights_m)]
+        best = self.search_again(max(filter(None, candidates), key=self.score))
+        change = float(best.offset[2])
+        if abs(change) >= REFINEMENT.min_height_change_m and self.find_agreement(best, (0, 1, 2)) >= (
+            REFINEMENT.min_height_agreement
+        ):
+            return best
+        held = self.search_at_height()
+        return replace(held, covariance=held.covariance + np.diag([0.0, 0.0, change**2, 0.0]))
 
     def search_from_height(self, up: float) -> CameraPositionEstimate | None:
         """Search from a height above the pose in metres; None if too little is visible there."""
@@ -167,11 +167,7 @@ class _Search:
 
     def search_again(self, place: CameraPositionEstimate) -> CameraPositionEstimate:
         """Restart the search from a position while the result fits as well."""
-        start = (
-            0.0
-            if self.height_is_assumed
-            else min((0.0, *REFINEMENT.start_heights_m), key=lambda up: abs(place.offset[2] - up))
-        )
+        start = min((0.0, *REFINEMENT.start_heights_m), key=lambda up: abs(place.offset[2] - up))
         for _ in range(REFINEMENT.max_restarts):
             if abs(place.offset[2] - start) <= REFINEMENT.min_restart_m:
                 break
@@ -241,9 +237,7 @@ class _Search:
         edges = sample_visible_outlines(self.scene, pose)
         if not _is_sufficient(edges, pose):
             return None
-        found = fit_camera_position(
-            edges, self.pictures, pose, heading_deg=self.heading_deg, height_is_assumed=self.height_is_assumed
-        )
+        found = fit_camera_position(edges, self.pictures, pose, heading_deg=self.heading_deg)
         return replace(found, offset=offset + found.offset, turn_deg=turn_deg + found.turn_deg)
 
 

@@ -21,7 +21,7 @@ class FacadeRecord(StoredFacadeRecord, total=False):
     before_digest : its digest.
     occluded : occluded share.
     masked : boxes of masked objects, pixels.
-    repeated_foot : share of the height at the foot that is hidden, and repeats storeys above.
+    repeated_foot : share of the height at the foot that is hidden, and continues what stands above.
     pictured_colour : lit colour of the wall, 0..255, as its photo or panoramas show it; none where they show too little.
     common_exposure : whether it has the exposure that all panoramas with common ground have.
     tone_slope : slopes at black of the tone curve that brought it to the exposure of its building; none of 1.
