@@ -41,16 +41,16 @@ def tags_from_records(
     units : units of the columns.
     """
 
-    def stated(names: Sequence[str]) -> list[tuple[str, str]]:
+    def fields_of(names: Sequence[str]) -> list[tuple[str, str]]:
         return [(name, columns[name]) for name in names if name in columns]
 
     layer = _LayerColumns(
-        {tag: stated(names) for tag, names in TAG_COLUMNS.items()},
-        stated(EXTRA_TAG_COLUMNS),
-        stated(CLASS_COLUMNS),
-        stated(ROOF_LEVEL_COLUMNS),
-        stated(GROUND_LEVEL_COLUMNS),
-        stated(GROUND_COLUMNS),
+        {tag: fields_of(names) for tag, names in TAG_COLUMNS.items()},
+        fields_of(EXTRA_TAG_COLUMNS),
+        fields_of(CLASS_COLUMNS),
+        fields_of(ROOF_LEVEL_COLUMNS),
+        fields_of(GROUND_LEVEL_COLUMNS),
+        fields_of(GROUND_COLUMNS),
         units,
     )
     result = []
