@@ -15,6 +15,10 @@ class ImageError(InputError):
     """Image or mask of the wrong shape, type or content."""
 
 
+class HiddenFacadeError(ImageError):
+    """Picture of a facade of which too little is seen."""
+
+
 class LayoutError(InputError):
     """Contradictory elements, domains or lattices."""
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from facade_core.core.arrays import BoolArray, UInt8Array
-from facade_core.core.errors import ImageError
+from facade_core.core.errors import HiddenFacadeError
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import SHIPPED_MODELS, Completion, Element, TrainedModelFiles
 from facade_core.facade.evidence import Evidence
@@ -65,7 +65,7 @@ def build_facade_from_photo(
 
     Raises
     ------
-    ImageError
+    HiddenFacadeError
         If less than MIN_VISIBLE_SHARE of the facade is visible.
     """
     made = complete_photo(evidence, doors, models=models, seed=seed)
@@ -84,7 +84,7 @@ def observe_photo(
 
     Raises
     ------
-    ImageError
+    HiddenFacadeError
         If less than MIN_VISIBLE_SHARE of the facade is visible.
     """
     timings: dict[str, float] = {} if seconds is None else seconds
@@ -221,7 +221,7 @@ def _inpaint_over_rim(
 def _require_visible(hidden: BoolArray, cause: str) -> None:
     seen = 1 - hidden.mean()
     if seen < MIN_VISIBLE_SHARE:
-        raise ImageError(
+        raise HiddenFacadeError(
             f"only {seen:.1%} of the facade is seen {cause}, and {MIN_VISIBLE_SHARE:.0%} are the least; "
             "give a photo that shows more of it, or none"
         )

@@ -14,7 +14,7 @@ from icechunk import ForkSession
 from facade_core.atlas.journal import Record, read_records
 from facade_core.atlas.store import open_root
 from facade_core.core.arrays import Float64Array
-from facade_core.core.errors import FacadeError, ImageError
+from facade_core.core.errors import FacadeError, HiddenFacadeError, ImageError
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.facade.correction import rasterise_boxes, replace_elements
 from facade_core.facade.facade import Facade
@@ -168,6 +168,8 @@ def _texture_from_source(
             seed=inputs.seed,
         )
     except ImageError as error:
+        if kind == "panoramas" and isinstance(error, HiddenFacadeError):  # nobody took it of this facade
+            return None
         raise ImageError(f"{evidence.source}: {error}") from error
     result, confidence = sharpen_from_pictures(plan, chart, result, evidence)
     return TexturedFacade(kind, _apply_correction(result, inputs), evidence.source, confidence, evidence)
