@@ -139,7 +139,7 @@ def complete_observed_photo(
     """
     image, hidden, parsing = photo.image, photo.hidden, photo.parsing
     completion, layout = None, list(photo.elements)
-    foot = find_hidden_foot(image, hidden, parsing.labels)
+    foot = find_hidden_foot(image, hidden, parsing.labels, photo.outside)
     if foot is not None and photo.facade is not None and photo.facade[foot.top :].any():
         foot = None  # somebody says that it shows the facade
     if hidden.any():

@@ -1,7 +1,8 @@
 """Foot of a photographed facade that is hidden as a whole: what stands above it goes on down to the ground.
 
 Inpainting has no source there: the rows beside a hidden foot are hidden too, and nothing below it says where a storey ends.
-Storeys are repeated. Below shops and doors there are none: their own lower part is repeated.
+Storeys are repeated. Below a ground floor there are none: its own lower part is repeated. Nor are there any below the ground
+that a picture shows before a wall which reaches deeper in the model: bare wall goes on there.
 """
 
 from __future__ import annotations
@@ -40,16 +41,20 @@ class HiddenFoot(NamedTuple):
     top : its first row.
     start : row at which the first repetition begins, at or above `top`.
     storey : storey that is repeated, or that is as high as the ground floor.
+    ground : first row below the ground.
     ground_floor : first row of the lower part of shops or doors above the foot, which goes on; None without any.
     """
 
     top: int
     start: int
     storey: Storey
+    ground: int
     ground_floor: int | None = None
 
 
-def find_hidden_foot(image: UInt8Array, hidden: BoolArray, labels: UInt8Array) -> HiddenFoot | None:
+def find_hidden_foot(
+    image: UInt8Array, hidden: BoolArray, labels: UInt8Array, outside: BoolArray | None = None
+) -> HiddenFoot | None:
     """Find the hidden foot of a facade and the storey to repeat there; None without either.
 
     Parameters
@@ -57,6 +62,7 @@ def find_hidden_foot(image: UInt8Array, hidden: BoolArray, labels: UInt8Array) -
     image : (h, w, 3) uint8.
     hidden : (h, w) bool pixels that do not show the facade.
     labels : (h, w) uint8 class ids; they count where the facade is seen.
+    outside : (h, w) bool street below the wall, and what is beside it; None without any.
     """
     is_seen = hidden.mean(axis=0) <= 1 - HIDDEN_FOOT.min_seen_column_share
     image, hidden, labels = image[:, is_seen], hidden[:, is_seen], labels[:, is_seen]
@@ -75,9 +81,12 @@ def find_hidden_foot(image: UInt8Array, hidden: BoolArray, labels: UInt8Array) -
     storey = None if found is None else _choose_storey(found, hidden, shown)
     if found is None or storey is None or height - top < HIDDEN_FOOT.min_height_storeys * storey.height:
         return None
-    ground_floor = _find_ground_floor(shown, found, storey.height)
+    ground = height if outside is None else top + _count_rows_above_ground(outside[top:, is_seen])
+    ground_floor = _find_ground_floor(shown, hidden, found, storey.height)
     if ground_floor is not None:
-        return HiddenFoot(top, top, storey, (ground_floor + top) // 2)
+        return HiddenFoot(top, top, storey, ground, (ground_floor + top) // 2)
+    if ground - top < HIDDEN_FOOT.min_height_storeys * storey.height:
+        return HiddenFoot(top, top, storey, top)
     start = found.floors[-1][0] - (storey.window_top - storey.top)  # at the last windows, which the foot may cut
     start += max(0, top - start) // storey.height * storey.height
     start = min(start, top)
@@ -88,7 +97,7 @@ def find_hidden_foot(image: UInt8Array, hidden: BoolArray, labels: UInt8Array) -
         _correlate(picture[rows][seen], picture[source][seen]) >= HIDDEN_FOOT.min_correlation
         for picture in (grey, window.astype(np.float64))
     )
-    return HiddenFoot(top, start if in_step else top, storey)
+    return HiddenFoot(top, start if in_step else top, storey, ground)
 
 
 def repeat_storeys(
@@ -109,12 +118,13 @@ def repeat_storeys(
     Image and labels with the foot, and what is still to be inpainted, (h, w) bool: a seam, and what is hidden above the foot or
     in the repeated storey.
     """
-    if foot.ground_floor is None:
-        rows = _source_rows(foot.storey, len(image) - foot.start)[foot.top - foot.start :]
-        gain = _foot_gain(image, hidden, labels, foot)
+    if foot.ground_floor is not None:
+        rows, gain = _back_and_forth(foot.ground_floor, foot.top, foot.ground - foot.top), 1.0
     else:
-        there = np.arange(foot.ground_floor, foot.top)
-        rows, gain = np.resize(np.concatenate([there[::-1], there]), len(image) - foot.top), 1.0
+        rows, gain = np.zeros(0, np.int64), _foot_gain(image, hidden, labels, foot)
+        if foot.ground > foot.top:
+            rows = _source_rows(foot.storey, foot.ground - foot.start)[foot.top - foot.start :]
+    rows = np.concatenate([rows, _back_and_forth(*_bare_rows(foot.storey), len(image) - foot.ground)])
     repeated, missing, classes = image.copy(), hidden.copy(), labels.copy()
     levelled = np.rint(image[rows] * gain)
     repeated[foot.top :] = np.clip(levelled, 0, 255).astype(np.uint8)
@@ -123,14 +133,35 @@ def repeat_storeys(
     return repeated, missing, classes
 
 
-def _find_ground_floor(labels: UInt8Array, found: FloorsAndBays, storey: int) -> int | None:
-    """Return the first row of shops, doors or entrance panes at the lower end of labels (h, w), None without any there.
+def _count_rows_above_ground(outside: BoolArray) -> int:
+    """Return the median number of rows above the street over the columns of a foot (h, w) that show it; h if few do."""
+    shows = outside.any(axis=0)
+    if shows.mean() < HIDDEN_FOOT.min_street_columns:
+        return len(outside)
+    return int(np.median(outside.argmax(axis=0)[shows]))
 
-    Panes of an entrance are higher than the windows of other storeys.
+
+def _back_and_forth(first: int, last: int, count: int) -> Int64Array:
+    """Return so many rows from the last of a range up to the first, down again, and so on."""
+    there = np.arange(first, last)
+    return np.resize(np.concatenate([there[::-1], there]), count)
+
+
+def _bare_rows(storey: Storey) -> tuple[int, int]:
+    """Return the first row of bare wall between sill or balcony and the next lintel, and the row after its last."""
+    below = storey.bottom - storey.window_bottom
+    return storey.window_bottom + below // 3, storey.window_bottom + max(1, 2 * below // 3)
+
+
+def _find_ground_floor(labels: UInt8Array, hidden: BoolArray, found: FloorsAndBays, storey: int) -> int | None:
+    """Return the first row of a ground floor at the lower end of labels (h, w), None without any there.
+
+    It has shops or doors, or windows in other places than the storeys above.
     """
     share = np.isin(labels, (FacadeClass.SHOP, FacadeClass.DOOR)).mean(axis=1) >= HIDDEN_FOOT.min_ground_floor_share
-    heights = [last - first for first, last in found.floors]
-    if heights[-1] > HIDDEN_FOOT.usual_windows[1] * np.median(heights):
+    *others, last = [(labels[first:last] == FacadeClass.WINDOW).mean(axis=0) for first, last in found.floors]
+    shown = hidden[slice(*found.floors[-1])].mean(axis=0) <= HIDDEN_FOOT.max_hidden_source_share
+    if _correlate(last[shown], np.median(others, axis=0)[shown]) < HIDDEN_FOOT.min_correlation:
         share[slice(*found.floors[-1])] = True
     below = int(np.argmax(share[::-1])) if share.any() else storey
     if below >= HIDDEN_FOOT.max_plinth_storeys * storey:
@@ -217,9 +248,9 @@ def _source_rows(storey: Storey, height: int) -> Int64Array:
     below = np.arange(storey.window_bottom, storey.bottom)
     rest = last - window - above
     if rest > len(below):  # mirrored wall between sill or balcony, and the next lintel
-        bare = below[len(below) // 3 : max(1, 2 * len(below) // 3)]
-        upper = below[: bare[-1] + 1 - below[0]]
-        below = np.concatenate([upper, np.resize(np.concatenate([bare[::-1], bare]), rest - len(upper))])
+        first, last = _bare_rows(storey)
+        upper = below[: last - below[0]]
+        below = np.concatenate([upper, _back_and_forth(first, last, rest - len(upper))])
     return np.concatenate(
         [
             np.tile(np.arange(storey.top, storey.bottom), count - 1),

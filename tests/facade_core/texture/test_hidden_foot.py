@@ -122,7 +122,7 @@ def test_below_shops_and_doors_no_flats_are_repeated(kind: FacadeClass, plinth: 
     assert not (filled[below] == (250, 30, 30)).all(axis=1).any(), "signs are not repeated"
 
 
-def test_below_high_panes_no_flats_are_repeated() -> None:
+def test_below_windows_in_other_places_no_flats_are_repeated() -> None:
     image, labels, top = DRAWN.image.copy(), DRAWN.labels.copy(), HEIGHT - round(1.5 * FLOOR)
     ground = slice(top - round(1.6 * FLOOR), top)
     image[ground], labels[ground] = (200, 180, 150), FacadeClass.WALL
@@ -132,6 +132,23 @@ def test_below_high_panes_no_flats_are_repeated() -> None:
     assert foot is not None
     assert foot.ground_floor is not None
     assert ground.start < foot.ground_floor < top
+
+
+@pytest.mark.parametrize("storeys_above", [0, 1])
+def test_below_the_ground_no_flats_are_repeated(storeys_above: int) -> None:
+    """The wall of the model reaches two storeys and a half below what is seen of it; street is seen from some row on."""
+    top = HEIGHT - round(2.5 * FLOOR)
+    outside = np.zeros((HEIGHT, WIDTH), bool)
+    ground = top + storeys_above * FLOOR
+    outside[ground + 1 :, : WIDTH // 2] = True
+    outside[ground - 1 :, WIDTH // 2 : 3 * WIDTH // 4] = True
+    foot = find_hidden_foot(DRAWN.image, hide(top), DRAWN.labels, outside)
+    assert foot is not None
+    assert abs(foot.ground - ground) <= 1
+    _, missing, shown = repeat_storeys(DRAWN.image, hide(top), DRAWN.labels, foot)
+    assert (shown[top:ground] == FacadeClass.WINDOW).any() == bool(storeys_above)
+    assert (shown[ground + 1 :] == FacadeClass.WALL).all()
+    assert not missing[ground + 1 + FLOOR // 10 :].any()
 
 
 def test_columns_that_no_row_shows_say_nothing_of_a_foot() -> None:
