@@ -15,6 +15,8 @@ class PoseRecord(Record, total=False):
     turned_deg : turn from the given pose, degrees.
     given_deg : angle between lines and axes on the rectified walls with the given pose, degrees; None without lines.
     residual_deg : the same with the refined pose.
+    given_fit : fit of the outlines of buildings to edges of the picture, 0 to 1, at the given place; None without outlines.
+    fit : the same at the refined place.
     left : why parts of the pose were not refined.
     spread : covariance of place and heading (metres, degrees) by outlines of buildings; None if they do not determine it.
     over_ground_m : height over the ground, metres; None where the block has no ground there.
@@ -27,6 +29,8 @@ class PoseRecord(Record, total=False):
     turned_deg: float
     given_deg: float | None
     residual_deg: float | None
+    given_fit: float | None
+    fit: float | None
     left: list[str]
     spread: list[list[float]] | None
     over_ground_m: float | None

@@ -71,6 +71,8 @@ def compute_pose(inputs: PoseInputs) -> PoseFields:
         # degrees between lines and axes on the rectified walls; None where there are no lines
         "given_deg": _round_finite(found.given_degrees),
         "residual_deg": _round_finite(found.residual_degrees),
+        "given_fit": _round_finite(found.given_fit),
+        "fit": _round_finite(found.fit),
         "left": list(found.reasons),
         "spread": None if found.covariance is None else found.covariance.round(6).tolist(),
         "over_ground_m": ground.height,
@@ -91,6 +93,8 @@ def _unused_fields(given: Pose) -> PoseFields:
         "turned_deg": 0.0,
         "given_deg": None,
         "residual_deg": None,
+        "given_fit": None,
+        "fit": None,
         "left": ["no surface is taken from it"],
         "spread": None,
         "over_ground_m": None,
