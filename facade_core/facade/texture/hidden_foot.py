@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy import ndimage
 
 from facade_core.core.arrays import BoolArray, Float64Array, Int64Array, UInt8Array
 from facade_core.core.labels import FacadeClass
@@ -121,16 +122,30 @@ def repeat_storeys(
     if foot.ground_floor is not None:
         rows, gain = _back_and_forth(foot.ground_floor, foot.top, foot.ground - foot.top), 1.0
     else:
-        rows, gain = np.zeros(0, np.int64), _foot_gain(image, hidden, labels, foot)
-        if foot.ground > foot.top:
-            rows = _source_rows(foot.storey, foot.ground - foot.start)[foot.top - foot.start :]
-    rows = np.concatenate([rows, _back_and_forth(*_bare_rows(foot.storey), len(image) - foot.ground)])
+        rows = _source_rows(foot.storey, foot.ground - foot.start)[foot.top - foot.start :]
+        gain = _foot_gain(image, hidden, labels, foot)
     repeated, missing, classes = image.copy(), hidden.copy(), labels.copy()
-    levelled = np.rint(image[rows] * gain)
-    repeated[foot.top :] = np.clip(levelled, 0, 255).astype(np.uint8)
-    missing[foot.top :], classes[foot.top :] = hidden[rows], labels[rows]
+    above, below = slice(foot.top, foot.ground), slice(foot.ground, None)
+    repeated[above] = np.clip(np.rint(image[rows] * gain), 0, 255).astype(np.uint8)
+    missing[above], classes[above] = hidden[rows], labels[rows]
+    repeated[below] = _wall_colours(image, hidden, labels, foot)
+    missing[below], classes[below] = False, FacadeClass.WALL
     missing[foot.top : foot.top + max(1, round(HIDDEN_FOOT.seam_storeys * foot.storey.height))] = True
     return repeated, missing, classes
+
+
+def _wall_colours(image: UInt8Array, hidden: BoolArray, labels: UInt8Array, foot: HiddenFoot) -> UInt8Array:
+    """Return the mean colour (w, 3) of the wall around each column, from the repeated storey down to the foot."""
+    rows = slice(foot.storey.top, foot.top)
+    wall = ((labels == FacadeClass.WALL) & ~hidden)[rows, :, None]
+    reach = max(1, round(HIDDEN_FOOT.wall_colour_reach_storeys * foot.storey.height))
+    total, count = (
+        ndimage.uniform_filter1d(part.sum(axis=0, dtype=np.float64), 2 * reach + 1, axis=0, mode="nearest")
+        for part in (image[rows] * wall, wall)
+    )
+    everywhere = image[rows].mean(axis=(0, 1))
+    colours: Float64Array = np.where(count > 0, total / np.maximum(count, 1e-9), everywhere)
+    return np.rint(colours).astype(np.uint8)
 
 
 def _count_rows_above_ground(outside: BoolArray) -> int:
@@ -145,12 +160,6 @@ def _back_and_forth(first: int, last: int, count: int) -> Int64Array:
     """Return so many rows from the last of a range up to the first, down again, and so on."""
     there = np.arange(first, last)
     return np.resize(np.concatenate([there[::-1], there]), count)
-
-
-def _bare_rows(storey: Storey) -> tuple[int, int]:
-    """Return the first row of bare wall between sill or balcony and the next lintel, and the row after its last."""
-    below = storey.bottom - storey.window_bottom
-    return storey.window_bottom + below // 3, storey.window_bottom + max(1, 2 * below // 3)
 
 
 def _find_ground_floor(labels: UInt8Array, hidden: BoolArray, found: FloorsAndBays, storey: int) -> int | None:
@@ -248,9 +257,8 @@ def _source_rows(storey: Storey, height: int) -> Int64Array:
     below = np.arange(storey.window_bottom, storey.bottom)
     rest = last - window - above
     if rest > len(below):  # mirrored wall between sill or balcony, and the next lintel
-        first, last = _bare_rows(storey)
-        upper = below[: last - below[0]]
-        below = np.concatenate([upper, _back_and_forth(first, last, rest - len(upper))])
+        first, last = len(below) // 3, max(1, 2 * len(below) // 3)
+        below = below[np.concatenate([np.arange(last), _back_and_forth(first, last, rest - last)])]
     return np.concatenate(
         [
             np.tile(np.arange(storey.top, storey.bottom), count - 1),

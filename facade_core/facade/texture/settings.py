@@ -185,6 +185,7 @@ class HiddenFootSettings:
         it.
     seam_storeys : rim below the top of the foot, in storeys, that is inpainted between photo and repetition.
     min_ground_floor_share : share of a row that shops and doors take on a ground floor.
+    wall_colour_reach_storeys : below the ground a column has the colour of the wall so far to either side.
     min_street_columns : share of the columns that show street below the wall, from which the ground is known.
     max_plinth_storeys : the foot begins at most this far below such rows, in storeys, or a storey stands between.
     """
@@ -206,6 +207,7 @@ class HiddenFootSettings:
     min_last_storeys: float = 0.7
     seam_storeys: float = 0.05
     min_ground_floor_share: float = 0.1
+    wall_colour_reach_storeys: float = 1.0
     min_street_columns: float = 0.3
     max_plinth_storeys: float = 0.5
 
