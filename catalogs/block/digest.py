@@ -66,11 +66,7 @@ def plan_input_digest(block: Block) -> str:
 
 def model_file_digests(models: TrainedModelFiles) -> list[list[str]]:
     """Return for each model that a block names: its name and the digests of its files."""
-    single = {
-        "parser": TrainedModelFiles(parser=models.parser),
-        "layout": TrainedModelFiles(layout=models.layout),
-    }
-    return [[name, *map(file_digest, model.files)] for name, model in single.items() if model.files]
+    return [[name, *map(file_digest, files)] for name, files in models.digest_content().items()]
 
 
 def _aerial_inputs(block: Block) -> object:

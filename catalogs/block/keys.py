@@ -425,6 +425,18 @@ class ModelsSection(Section):
         Key("An .onnx with its .json in the same folder: parser of pictures and exemplars.", path=PathKind.FILE),
     ] = None
     layout: Annotated[Text | None, Key("A .json: completion of partly hidden facades.", path=PathKind.FILE)] = None
+    segmentation: Annotated[
+        Text | None,
+        Key(
+            "An .onnx of semantic segmentation with the classes of Cityscapes, ADE20K or Mapillary Vistas: finds what is "
+            "in front of walls, in place of the parser ([how](../networks.md)).",
+            path=PathKind.FILE,
+        ),
+    ] = None
+    inpainting: Annotated[
+        Text | None,
+        Key("An .onnx of LaMa: fills hidden parts, in place of repetitions of the facade.", path=PathKind.FILE),
+    ] = None
 
 
 class PartSection(Section):
@@ -490,7 +502,7 @@ class BlockFileSettings(Section):
         ModelsSection,
         Key(
             "Trained models that replace the shipped ones, such as those of `streetloom train parser --corrections` and "
-            "`train layout --corrections`."
+            "`train layout --corrections`, and networks that a user fetches."
         ),
     ] = ModelsSection()
     storey: Annotated[

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -319,8 +319,8 @@ def _read_materials(files: NamedFiles, file: BlockFileErrorContext) -> tuple[Mat
 
 
 def _model_files(files: NamedFiles) -> TrainedModelFiles:
-    named = ((files.get(f"models.{name}") or (None,))[0] for name in ("parser", "layout"))
-    return TrainedModelFiles(*(path and path.absolute() for path in named))
+    named = {one.name: files.get(f"models.{one.name}") for one in fields(TrainedModelFiles)}
+    return TrainedModelFiles(**{name: paths[0].absolute() for name, paths in named.items() if paths})
 
 
 def set_digest(block: Block, file: BlockFileErrorContext) -> Block:

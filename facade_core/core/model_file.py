@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from onnxruntime import InferenceSession
 
 _REMEDY = "train it anew with this version"
+_FATAL_ONLY = 4
 
 
 def file_stamps(path: Path) -> tuple[tuple[int, int], ...]:
@@ -54,13 +55,13 @@ def read_model_record(path: Path) -> JsonObject:
     return record
 
 
-def open_inference_session(path: Path, record: Mapping[str, object], *, threads: int) -> InferenceSession:
+def open_inference_session(path: Path, record: Mapping[str, object] | None, *, threads: int) -> InferenceSession:
     """Open an inference session of a model file.
 
     Parameters
     ----------
     path : the .onnx file.
-    record : its .json record, with the checksum.
+    record : its .json record, with the checksum; None for a file without one.
     threads : threads per operator.
 
     Raises
@@ -71,17 +72,18 @@ def open_inference_session(path: Path, record: Mapping[str, object], *, threads:
     import onnxruntime
 
     content = read_regular(path, MAX_MODEL_BYTES)
-    if record.get("sha256") != hashlib.sha256(content).hexdigest():
+    if record is not None and record.get("sha256") != hashlib.sha256(content).hexdigest():
         raise ModelFileError(f"{path}: checksum differs from {path.stem}.json; fetch both files again or train anew")
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads
     options.inter_op_num_threads = 1
+    options.log_severity_level = _FATAL_ONLY  # what fails is raised
     # Spinning threads would take as much processor time from other workers as the network itself.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     try:
         return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
     except Exception as error:  # the runtime has no public root for its errors
-        raise ModelFileError(f"{path}: not a model that onnxruntime reads; fetch it again or train it anew") from error
+        raise ModelFileError(f"{path}: not a model that onnxruntime reads; fetch, export or train it anew") from error
 
 
 def extend_model_record(path: Path, **more: object) -> None:

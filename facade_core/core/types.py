@@ -285,16 +285,20 @@ LAYOUT_NETWORK_NAME = "layout_network.onnx"
 
 @dataclass(frozen=True, slots=True)
 class TrainedModelFiles:
-    """Files of the trained parser and layout model; None selects the shipped one.
+    """Files of trained models; None selects the shipped one, or none where none is shipped.
 
     Attributes
     ----------
     parser : an .onnx file, with a .json record of the same name.
     layout : a .json file of layouts, with or without a layout network beside it.
+    segmentation : an .onnx file of semantic segmentation; it finds occluders in place of the parser. None is shipped.
+    inpainting : an .onnx file of LaMa; it fills holes in place of repetitions. None is shipped.
     """
 
     parser: Path | None = None
     layout: Path | None = None
+    segmentation: Path | None = None
+    inpainting: Path | None = None
 
     @property
     def layout_network(self) -> Path | None:
@@ -305,13 +309,18 @@ class TrainedModelFiles:
     @property
     def files(self) -> tuple[Path, ...]:
         """Return all files that are set."""
-        layout = () if self.layout is None else (self.layout,)
-        networks = [path for path in (self.parser, self.layout_network) if path is not None]
-        return (*(file for path in networks for file in (path, path.with_suffix(".json"))), *layout)
+        return tuple(file for files in self.digest_content().values() for file in files)
 
-    def digest_content(self) -> tuple[tuple[Path, ...], ...]:
-        """Return the files of each model."""
-        return TrainedModelFiles(self.parser).files, TrainedModelFiles(None, self.layout).files
+    def digest_content(self) -> dict[str, tuple[Path, ...]]:
+        """Return the files of each model that is set, by its key."""
+        parser, network = (
+            () if path is None else (path, path.with_suffix(".json")) for path in (self.parser, self.layout_network)
+        )
+        layout, segmentation, inpainting = (
+            () if path is None else (path,) for path in (self.layout, self.segmentation, self.inpainting)
+        )
+        files = {"parser": parser, "layout": network + layout, "segmentation": segmentation, "inpainting": inpainting}
+        return {name: paths for name, paths in files.items() if paths}
 
 
 SHIPPED_MODELS = TrainedModelFiles()

@@ -78,7 +78,7 @@ def prepare_exemplar(
     floor_height : metres.
     private : (h, w) bool faces and number plates.
     labels : (h, w) uint8 class ids, if known.
-    models : models of parser and layout.
+    models : trained models.
     seed : seed of completion and inpainting.
 
     Raises
@@ -94,7 +94,7 @@ def prepare_exemplar(
             measured, classes = shrink_to_side(image, labels)
             floors, layout = count_floors(classes), tuple(elements(classes))
     else:
-        cut = crop_to_facade(image, hidden, model=models.parser)
+        cut = crop_to_facade(image, hidden, model=models)
         has_facade = cut.has_facade
         x0, y0, x1, y1 = box = cut.box
         private = None if private is None else private[y0:y1, x0:x1]

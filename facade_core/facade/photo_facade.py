@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -60,7 +61,7 @@ def build_facade_from_photo(
     ----------
     evidence : picture and knowledge of its pixels.
     doors : doors from the map.
-    models : models of parser and layout.
+    models : trained models.
     seed : seed of completion.
 
     Raises
@@ -93,7 +94,7 @@ def observe_photo(
     with time_stage(timings, "parse"):
         segmentation = evidence.segmentation
         if segmentation is None:
-            segmentation = segment_picture(evidence.image, hidden, model=models.parser)
+            segmentation = segment_picture(evidence.image, hidden, model=models)
         parsing = parse_segmentation(segmentation, hidden)
         occluded = (
             np.zeros_like(hidden) if evidence.is_clean else remove_occluders_lining_hole(parsing.occluded, hidden)
@@ -151,7 +152,7 @@ def complete_observed_photo(
             if foot is not None:
                 image, missing, labels = repeat_storeys(image, hidden, labels, foot)
                 layout = [element for element in layout if element.y0 < foot.top]
-            image, changed = _inpaint_over_rim(image, missing, labels, layout)
+            image, changed = _inpaint_over_rim(image, missing, labels, layout, models.inpainting)
             height = len(hidden)
             hidden = hidden | changed | (np.arange(height)[:, None] >= (height if foot is None else foot.top))
         # Labels and elements come from the completed picture, which may differ from the planned layout.
@@ -200,7 +201,7 @@ def _complete_layout(photo: Evidence, doors: MappedDoors, models: TrainedModelFi
 
 
 def _inpaint_over_rim(
-    image: UInt8Array, hidden: BoolArray, labels: UInt8Array, layout: Sequence[Element]
+    image: UInt8Array, hidden: BoolArray, labels: UInt8Array, layout: Sequence[Element], model: Path | None = None
 ) -> tuple[UInt8Array, BoolArray]:
     """Inpaint hidden pixels and a rim around them, which fades into the photo: (h, w, 3) uint8, and (h, w) bool what changed.
 
@@ -211,7 +212,7 @@ def _inpaint_over_rim(
     rim = dilate(hidden, BLENDING_RIM_SHARE)
     if 1 - rim.mean() < MIN_VISIBLE_SHARE:
         rim = hidden
-    filled = inpaint(image, rim, labels=labels, elements=list(layout))
+    filled = inpaint(image, rim, labels=labels, elements=list(layout), model=model)
     distance = cv2.distanceTransform((~hidden).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)
     width = 2 + round(BLENDING_RIM_SHARE * np.sqrt(hidden.size))
     share = np.where(rim, np.clip(distance / width, 0, 1), 1.0)[..., None]

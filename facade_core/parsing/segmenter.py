@@ -12,11 +12,11 @@ from scipy import ndimage
 from facade_core.core.arrays import BoolArray, Float32Array, Int32Array, Int64Array, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import CLASSES, FacadeClass
-from facade_core.core.model_file import file_stamps
-from facade_core.core.types import Box, Parsing
+from facade_core.core.types import Box, Parsing, TrainedModelFiles
 from facade_core.parsing.network import SHIPPED_NETWORK, load_network
 from facade_core.parsing.regularity import draw_windows_into_labels, extract_regular_window_boxes
 from facade_core.parsing.segmentation import Segmentation
+from facade_core.parsing.semantic_network import OccluderSegmenter, load_semantic_network
 from facade_core.parsing.validation import check_image
 
 # Model used by default.
@@ -47,6 +47,9 @@ _BAND_ROWS = 128
 # Area of a crop of a segmentation, in pixels: that at which the regularity of windows is tuned.
 _CROP_AREA = (150_000, 250_000)
 
+# File of a parser, or the models of a block; None selects the shipped parser.
+ParserModel = str | Path | TrainedModelFiles | None
+
 # Rows and columns.
 _Places = tuple[Int32Array, Int32Array]
 
@@ -62,20 +65,22 @@ class Segmenter(Protocol):
         """Segment an image (H, W, 3) uint8 RGB."""
 
 
-def load_segmenter(model: str | Path | None = None) -> Segmenter:
-    """Load the segmenter of an .onnx file with its .json, the shipped one by default.
+def load_segmenter(model: ParserModel = None) -> Segmenter:
+    """Load the parser, the shipped one by default, with the semantic network of a block that names one.
 
     Raises
     ------
     ModelError
         If the model cannot be used.
     """
-    path = DEFAULT_MODEL if model is None else Path(model)
-    file_stamps(path)
-    return load_network(path)
+    files = model if isinstance(model, TrainedModelFiles) else TrainedModelFiles(None if model is None else Path(model))
+    parser = load_network(files.parser or DEFAULT_MODEL)
+    if files.segmentation is None:
+        return parser
+    return OccluderSegmenter(parser, load_semantic_network(files.segmentation))
 
 
-def parse(image: UInt8Array, *, model: str | Path | None = None) -> Parsing:
+def parse(image: UInt8Array, *, model: ParserModel = None) -> Parsing:
     """Label each pixel of a rectified facade with one of the seven classes.
 
     Windows are made rectangular and aligned (`regularity`); then the class of highest confidence wins. The confidence
@@ -87,7 +92,7 @@ def parse(image: UInt8Array, *, model: str | Path | None = None) -> Parsing:
     Parameters
     ----------
     image : (H, W, 3) uint8 RGB, or (H, W, 4) RGBA where alpha < 128 hides a pixel.
-    model : another .onnx file with its .json.
+    model : another .onnx file with its .json, or the models of a block.
 
     Raises
     ------
@@ -172,17 +177,17 @@ class Surroundings(NamedTuple):
     labels: UInt8Array
 
 
-def facade_surroundings_mask(image: UInt8Array, hidden: BoolArray, *, model: str | Path | None = None) -> BoolArray:
+def facade_surroundings_mask(image: UInt8Array, hidden: BoolArray, *, model: ParserModel = None) -> BoolArray:
     """Mask sky, street and neighbours outside a facade; parameters as in `segment_surroundings`."""
     return segment_surroundings(image, hidden, model=model).outside
 
 
-def segment_surroundings(image: UInt8Array, hidden: BoolArray, *, model: str | Path | None = None) -> Surroundings:
+def segment_surroundings(image: UInt8Array, hidden: BoolArray, *, model: ParserModel = None) -> Surroundings:
     """Segment a picture into facade and surroundings; parameters as in `segment_picture`."""
     return classify_surroundings(segment_picture(image, hidden, model=model), hidden)
 
 
-def segment_picture(image: UInt8Array, hidden: BoolArray, *, model: str | Path | None = None) -> Segmentation:
+def segment_picture(image: UInt8Array, hidden: BoolArray, *, model: ParserModel = None) -> Segmentation:
     """Segment a picture at the working size of the segmenter.
 
     Parameters

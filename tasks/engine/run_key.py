@@ -52,13 +52,17 @@ def _find_shared_folder(out: Folder) -> str:
 def _check_models(models: TrainedModelFiles) -> TrainedModelFiles:
     """Load a block's own models. Raises InputError, with the block's key, for an unusable model."""
     from facade_core.facade.layout import model as layouts
+    from facade_core.facade.texture.network_inpainting import load_inpainting_network
     from facade_core.parsing.confidence import load_calibration
     from facade_core.parsing.segmenter import load_segmenter
+    from facade_core.parsing.semantic_network import load_semantic_network
 
     named = (
         ("parser", models.parser, load_segmenter),
         ("parser", models.parser, load_calibration),
         ("layout", models.layout, layouts.load_layout_model),
+        ("segmentation", models.segmentation, load_semantic_network),
+        ("inpainting", models.inpainting, load_inpainting_network),
     )
     for name, path, opens in named:
         try:

@@ -198,6 +198,11 @@ def models_used(run: Run, facades: Records) -> list[ModelFacts]:
             used.append(_custom_model(own.layout, layouts))
             if own.layout_network is not None:
                 used.append(_custom_model(own.layout_network, network))
+        used += [
+            CataloguedModel(path, f"{name} network of the block", {})
+            for name, path in (("segmentation", own.segmentation), ("inpainting", own.inpainting))
+            if path is not None
+        ]
     found = []
     for model in used:
         data = model.path.read_bytes()

@@ -134,5 +134,5 @@ def complete_facade(view: RunView, index: int, boxes: EditorBoxes, models: Train
 def _parse_visible(image: UInt8Array, hidden: BoolArray, models: TrainedModelFiles) -> Parsing:
     """Parse the visible part of a facade (h, w, 3) uint8."""
     alpha = np.where(hidden, 0, 255).astype(np.uint8)
-    parsing = parse(np.dstack([image, alpha]), model=models.parser)
+    parsing = parse(np.dstack([image, alpha]), model=models)
     return replace(parsing, occluded=hidden | parsing.occluded)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -11,14 +12,18 @@ from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN, FacadeCla
 from facade_core.core.levelling import fill_unknown_values
 from facade_core.core.types import Element
 from facade_core.facade.texture.floor_inpainting import fill_by_floors
+from facade_core.facade.texture.network_inpainting import fill_by_network, load_inpainting_network
 from facade_core.facade.texture.settings import INPAINTING, PICTURES
 from facade_core.facade.texture.validation import check_exemplar_image, check_exemplar_labels, check_mask
-from facade_core.facade.texture.window_completion import complete_windows
+from facade_core.facade.texture.window_completion import complete_windows, framed_box
+from facade_core.parsing.confidence import box_coverage
 from facade_core.parsing.floor_structure import find_floors_and_bays
 
 # Labels of the ground floor, and their smallest confidence to be drawn: the visible ground floor is a better guide than a
 # guess.
 _GROUND_LABELS = ("door", "shop")
+# Elements of which at least this share is hidden come from repetitions, also beside a network: it continues what it sees.
+_MIN_PLACED_SHARE = 0.5
 
 
 def inpaint(
@@ -27,6 +32,7 @@ def inpaint(
     *,
     labels: UInt8Array | None = None,
     elements: Sequence[Element] | None = None,
+    model: Path | None = None,
 ) -> UInt8Array:
     """Fill the masked pixels of a facade; all other pixels keep their bits.
 
@@ -35,7 +41,8 @@ def inpaint(
     nothing repeats.
 
     Elements of a completed layout guide the sources: windows anywhere, doors and shops if likely. Each window and
-    balcony is then completed from one source (`complete_windows`).
+    balcony is then completed from one source (`complete_windows`). A network knows no layout: it fills around the
+    elements that are mostly hidden, so that these stay where the layout has them.
 
     Parameters
     ----------
@@ -43,6 +50,7 @@ def inpaint(
     mask : (H, W) bool, True where to fill.
     labels : (H, W) uint8 class ids; they count outside the mask only.
     elements : elements of a completed layout, in pixels.
+    model : .onnx file of LaMa, which replaces the rest of what floors and bays give.
 
     Returns
     -------
@@ -52,6 +60,8 @@ def inpaint(
     ------
     ImageError
         For bad arrays, or a mask without visible pixels.
+    ModelFileError
+        If the model cannot be used.
     """
     check_exemplar_image(image, min_side=1)
     check_mask(image, mask)
@@ -64,7 +74,15 @@ def inpaint(
     likely = select_likely_elements(elements or ())
     guide = vote_across_bays(draw_guide(mask, labels, likely), agreed=INPAINTING.min_agreement)
     result = clip_to_visible_range(fill_by_floors(image, mask, guide), image, mask)
-    return complete_windows(result, mask, likely) if likely else result
+    result = complete_windows(result, mask, likely) if likely else result
+    if model is None:
+        return result
+    mask = mask.copy()
+    for element in likely:  # what the layout places in the hole is known to the network
+        if box_coverage(mask, element) >= _MIN_PLACED_SHARE:
+            x0, y0, x1, y1 = framed_box(element, mask.shape)
+            mask[y0:y1, x0:x1] = False
+    return clip_to_visible_range(fill_by_network(result, mask, load_inpainting_network(model)), result, mask)
 
 
 def select_likely_elements(elements: Sequence[Element]) -> list[Element]:

@@ -38,7 +38,7 @@ def complete_windows(image: UInt8Array, mask: BoolArray, elements: Sequence[Elem
         own = [elements[i] for i in members.tolist()]
         if own[0].label not in COMPLETED_LABELS:
             continue
-        boxes = [_framed_box(element, mask.shape) for element in own]
+        boxes = [framed_box(element, mask.shape) for element in own]
         hidden = [bool(mask[y0:y1, x0:x1].any()) for x0, y0, x1, y1 in boxes]
         seen = [box for box, cut in zip(boxes, hidden, strict=True) if not cut]
         usual = _typical_difference(image, seen)
@@ -52,7 +52,7 @@ def complete_windows(image: UInt8Array, mask: BoolArray, elements: Sequence[Elem
     return result
 
 
-def _framed_box(element: Element, shape: tuple[int, ...]) -> _Box:
+def framed_box(element: Element, shape: tuple[int, ...]) -> _Box:
     """Return x0, y0, x1, y1 of an element with its frame, within the image."""
     x, y = COMPLETION.frame_share * element.width, COMPLETION.frame_share * element.height
     x0, y0 = max(0, round(element.x0 - x)), max(0, round(element.y0 - y))

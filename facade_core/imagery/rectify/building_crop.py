@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from facade_core.imagery.rectify.crop import FacadeCrop, crop_to_box, find_facad
 from facade_core.imagery.rectify.neighbours import choose_sides, measure_gaps
 from facade_core.imagery.rectify.photo_state import check_photo_state
 from facade_core.parsing.segmenter import (
+    ParserModel,
     Surroundings,
     classify_surroundings,
     crop_segmentation,
@@ -20,14 +20,14 @@ from facade_core.parsing.segmenter import (
 )
 
 
-def crop_to_facade(image: UInt8Array, hidden: BoolArray, *, model: Path | None = None) -> FacadeCrop:
+def crop_to_facade(image: UInt8Array, hidden: BoolArray, *, model: ParserModel = None) -> FacadeCrop:
     """Crop the picture of an exemplar to the facade in its middle, without sky, street and neighbours.
 
     Parameters
     ----------
     image : (H, W, 3) uint8.
     hidden : (H, W) bool, pixels that do not show the facade.
-    model : parser model, the shipped one by default.
+    model : as in `parse`.
     """
     if hidden.all():
         return crop_to_box(image, hidden, np.zeros_like(hidden), None)
@@ -36,7 +36,7 @@ def crop_to_facade(image: UInt8Array, hidden: BoolArray, *, model: Path | None =
 
 
 def crop_to_building(
-    image: UInt8Array, hidden: BoolArray, centre: float, aspect: float | None = None, *, model: Path | None = None
+    image: UInt8Array, hidden: BoolArray, centre: float, aspect: float | None = None, *, model: ParserModel = None
 ) -> FacadeCrop:
     """Crop a rectified photo to the facade of one building.
 
@@ -46,7 +46,7 @@ def crop_to_building(
     hidden : (H, W) bool, pixels that do not show the facade.
     centre : column that the photo was pointed at.
     aspect : width over height of the wall; None if unknown.
-    model : parser model, the shipped one by default.
+    model : as in `parse`.
 
     Raises
     ------

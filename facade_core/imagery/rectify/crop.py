@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from facade_core.core.arrays import BoolArray, Float64Array, UInt8Array
 from facade_core.core.types import Box
 from facade_core.imagery.rectify.settings import CROP
 from facade_core.parsing.segmentation import Segmentation
-from facade_core.parsing.segmenter import facade_surroundings_mask
+from facade_core.parsing.segmenter import ParserModel, facade_surroundings_mask
 
 # Share of the height (turned: of the width) up to which a run from the top, the right and the left is beyond the wall.
 MAX_BEYOND_SHARE = {0: 0.5, 1: 0.25, 3: 0.25}
@@ -63,7 +62,7 @@ def crop_to_box(image: UInt8Array, hidden: BoolArray, outside: BoolArray, box: B
     return FacadeCrop(image[part], hidden[part], _touching_border(outside[part]), box)
 
 
-def wall_surroundings_mask(image: UInt8Array, hidden: BoolArray, *, model: Path | None = None) -> BoolArray:
+def wall_surroundings_mask(image: UInt8Array, hidden: BoolArray, *, model: ParserModel = None) -> BoolArray:
     """Mask the street below the foot of a wall in a posed panorama, and sky and neighbours beyond its top and sides.
 
     Heights of models, cameras and the ground are rarely exact to the metre. The parser alone is no proof: a bare wall
@@ -75,7 +74,7 @@ def wall_surroundings_mask(image: UInt8Array, hidden: BoolArray, *, model: Path 
     ----------
     image : (h, w, 3) uint8, the rectified wall.
     hidden : (h, w) bool, pixels that do not show the wall.
-    model : parser model, the shipped one by default.
+    model : as in `parse`.
 
     Returns
     -------

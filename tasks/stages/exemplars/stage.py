@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from catalogs.block.reader import Block
 from catalogs.readers.pictures.folders import label_map_path
-from facade_core.core.types import TrainedModelFiles
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
@@ -21,6 +21,7 @@ from tasks.stages.shared.memory import (
     PICTURE_PIXEL,
     bounded_pixel_count,
     detector_memory,
+    given_network_memory,
     peak_decoding_bytes,
 )
 
@@ -28,7 +29,8 @@ from tasks.stages.shared.memory import (
 def list_exemplar_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit[ExemplarInputs]]:
     """List the units of stage `exemplars`: one for each exemplar of the block."""
     return [
-        Unit(i, path.stem, exemplar_inputs(run, path), exemplar_memory(path)) for i, path in enumerate(block.exemplars)
+        Unit(i, path.stem, exemplar_inputs(run, path), exemplar_memory(path) + given_network_memory(run.models))
+        for i, path in enumerate(block.exemplars)
     ]
 
 
@@ -37,7 +39,7 @@ def exemplar_inputs(run: Run, path: Path) -> ExemplarInputs:
     return ExemplarInputs(
         picture=path,
         labels=label_map_path(path),
-        models=TrainedModelFiles(parser=run.models.parser),
+        models=replace(run.models, layout=None),
         storey=run.storey,
         texels_per_metre=run.texture.texels_per_metre,
         privacy=run.privacy,

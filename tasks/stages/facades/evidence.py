@@ -15,7 +15,7 @@ import numpy as np
 from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.resizing import resize_image
-from facade_core.core.types import Pose
+from facade_core.core.types import SHIPPED_MODELS, Pose, TrainedModelFiles
 from facade_core.facade.evidence import Evidence
 from facade_core.imagery.cameras.camera_view import apply_exposure_factor
 from facade_core.imagery.detect.detection import FacesPlatesAndText, detect_on_panorama
@@ -63,7 +63,7 @@ def read_evidence(
     imagery: FacadeImagery,
     textures: Mapping[int, Path],
     refused: list[Exception],
-    parser: Path | None = None,
+    models: TrainedModelFiles = SHIPPED_MODELS,
 ) -> Evidence | None:
     """Read the image and masks of a facade from a source; None if it shows too little.
 
@@ -73,16 +73,16 @@ def read_evidence(
     size : height and width of the raster.
     textures : pictures of the model on the chart, by number.
     refused : errors of single pictures of several are appended.
-    parser : model file in place of the shipped one.
+    models : trained models.
 
     Raises
     ------
     ImageError : the only picture, a photo, cannot be used.
     """
     if source == "photo" and imagery.photo is not None:
-        return read_facade_photo(imagery.photo, imagery.rectified, size, parser)
+        return read_facade_photo(imagery.photo, imagery.rectified, size, models)
     if source == "panoramas":
-        return _fuse_panoramas(plan, chart, size, imagery, refused, parser)
+        return _fuse_panoramas(plan, chart, size, imagery, refused, models)
     images = read_textures(textures, refused)
     image, covered = render_model_texture(plan.scene, chart, images)
     if not _shows_enough(plan, chart, covered, has_other=False):
@@ -103,10 +103,15 @@ def _shows_enough(plan: Plan, chart: int, shown: BoolArray, *, has_other: bool) 
 
 
 def _fuse_panoramas(
-    plan: Plan, chart: int, size: tuple[int, int], imagery: FacadeImagery, refused: list[Exception], parser: Path | None
+    plan: Plan,
+    chart: int,
+    size: tuple[int, int],
+    imagery: FacadeImagery,
+    refused: list[Exception],
+    models: TrainedModelFiles,
 ) -> Evidence | None:
     newest, earlier = (
-        _dated_views(plan, chart, pictures, size, imagery, refused, parser)
+        _dated_views(plan, chart, pictures, size, imagery, refused, models)
         for pictures in (imagery.panoramas, imagery.earlier)
     )
     newest, earlier = _reject_other_planes(plan, chart, newest, earlier, refused)
@@ -142,7 +147,7 @@ def _fuse_panoramas(
         source=", ".join(one.path.name for one in taken),
         masked=masked,
         masked_share=in_front,
-        outside=wall_surroundings_mask(fused.rgb, hidden, model=parser),
+        outside=wall_surroundings_mask(fused.rgb, hidden, model=models),
         captured=_latest_day(newest),
         before=before,
         pictures=tuple((one.path, one.pose) for one in (*newest, *earlier)),
@@ -205,13 +210,13 @@ def _dated_views(
     size: tuple[int, int],
     imagery: FacadeImagery,
     refused: list[Exception],
-    parser: Path | None,
+    models: TrainedModelFiles,
 ) -> list[_DatedView]:
     """Return the views of a facade in some panoramas, without unusable ones."""
     found = []
     for path, pose in pictures:
         with collect_input_errors(refused):
-            view = _view_of_panorama(plan, chart, path, pose, size, parser)
+            view = _view_of_panorama(plan, chart, path, pose, size, models)
             if path in imagery.exposure_factors:
                 view = replace(view, rgb=apply_exposure_factor(view.rgb, np.array(imagery.exposure_factors[path])))
             found.append(_DatedView(view, path, pose, imagery.captured.get(path) or capture_date(path)))
@@ -224,7 +229,7 @@ def _latest_day(taken: Sequence[_DatedView]) -> str | None:
 
 
 def _view_of_panorama(
-    plan: Plan, chart: int, path: Path, pose: Pose, size: tuple[int, int], parser: Path | None
+    plan: Plan, chart: int, path: Path, pose: Pose, size: tuple[int, int], models: TrainedModelFiles
 ) -> ChartView:
     """Return the view of a facade in a panorama, with the occluders that the parser finds, and faces and plates."""
     image = read_sharp_panorama(path, pose)
@@ -240,7 +245,7 @@ def _view_of_panorama(
         fine_size = (round(finer * size[0]), round(finer * size[1]))
         parsed = rectify_chart_from_panorama(plan.scene, chart, image, pose, fine_size, extent=extent)
     alpha = np.where(parsed.seen, 255, 0).astype(np.uint8)
-    found = parse(np.dstack([parsed.rgb, alpha]), model=parser).occluded & parsed.seen
+    found = parse(np.dstack([parsed.rgb, alpha]), model=models).occluded & parsed.seen
     occluded_share = resize_image(np.where(found, 255, 0).astype(np.uint8), size)
     in_front, _ = clean_occluder_mask((occluded_share >= 128) & view.seen)
     return replace(view, occluded=(in_front if view.occluded is None else in_front | view.occluded) & view.seen)

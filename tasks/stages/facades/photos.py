@@ -13,6 +13,7 @@ from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.fixed_order import multiply_matrices
 from facade_core.core.resizing import resize_image
+from facade_core.core.types import SHIPPED_MODELS, TrainedModelFiles
 from facade_core.facade.evidence import Evidence
 from facade_core.imagery.detect.detection import detect_faces_plates_text
 from facade_core.imagery.detect.text import TextLine
@@ -28,7 +29,9 @@ from tasks.stages.shared.images import read_photo
 BLURRED = "it has less than half of its wall's texels, across or down, and is blurred there; give a larger photo"
 
 
-def read_facade_photo(path: Path, rectified: bool, size: tuple[int, int], parser: Path | None = None) -> Evidence:
+def read_facade_photo(
+    path: Path, rectified: bool, size: tuple[int, int], models: TrainedModelFiles = SHIPPED_MODELS
+) -> Evidence:
     """Read a photo of a facade at the size of its wall: rectified if it is as taken, and cropped to the facade.
 
     Raises
@@ -38,7 +41,7 @@ def read_facade_photo(path: Path, rectified: bool, size: tuple[int, int], parser
     import cv2
 
     picture = read_photo(path)
-    cut = crop_photo_to_wall(picture, path.name, rectified, size[1] / size[0], parser)
+    cut = crop_photo_to_wall(picture, path.name, rectified, size[1] / size[0], models)
     across, down = size[1] / cut.image.shape[1], size[0] / cut.image.shape[0]
     hidden, outside = (
         cv2.resize(mask.astype(np.uint8), size[::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
@@ -85,7 +88,7 @@ def widen_holes(hidden: BoolArray) -> BoolArray:
 
 
 def crop_photo_to_wall(
-    picture: Picture, name: str, rectified: bool, aspect: float, parser: Path | None = None
+    picture: Picture, name: str, rectified: bool, aspect: float, models: TrainedModelFiles = SHIPPED_MODELS
 ) -> FacadeCrop:
     """Crop a photo to the facade of its wall; parameters as of `crop_picture`.
 
@@ -93,7 +96,7 @@ def crop_photo_to_wall(
     ------
     ImageError : it cannot be rectified, or does not show this wall.
     """
-    cut = crop_picture(picture, name, rectified, aspect, parser)
+    cut = crop_picture(picture, name, rectified, aspect, models)
     if not (rectified or cut.has_facade):
         raise ImageError(f"{name}: no facade is found in it; {REMEDY}")
     facade = cut.image.shape[1] / cut.image.shape[0]
@@ -111,7 +114,11 @@ def crop_facade_photo(path: Path, rectified: bool) -> FacadeCrop:
 
 
 def crop_picture(
-    picture: Picture, name: str, rectified: bool, aspect: float | None = None, parser: Path | None = None
+    picture: Picture,
+    name: str,
+    rectified: bool,
+    aspect: float | None = None,
+    models: TrainedModelFiles = SHIPPED_MODELS,
 ) -> FacadeCrop:
     """Rectify a photo if it is as taken, and crop it to the facade that it was taken for.
 
@@ -121,7 +128,7 @@ def crop_picture(
     name : its name in errors.
     rectified : whether it is rectified.
     aspect : width over height of the wall; None if unknown.
-    parser : model file in place of the shipped one.
+    models : trained models.
 
     Raises
     ------
@@ -140,7 +147,7 @@ def crop_picture(
             )
     middle = multiply_matrices(homography, [shape[1] / 2, shape[0] / 2, 1.0])
     try:
-        cut = crop_to_building(image, hidden, middle[0] / middle[2], aspect, model=parser)
+        cut = crop_to_building(image, hidden, middle[0] / middle[2], aspect, model=models)
     except ImageError as error:
         raise ImageError(f"{name}: {error}") from error
     _require_level(cut, name, rectified)

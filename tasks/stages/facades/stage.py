@@ -15,7 +15,7 @@ from catalogs.readers.pictures.folders import find_facade_photo
 from facade_core.atlas.journal import Record, read_journal
 from facade_core.core.arrays import Int64Array
 from facade_core.core.name_hash import hash_name
-from facade_core.core.types import AS_FOUND, Pose, Street
+from facade_core.core.types import AS_FOUND, SHIPPED_MODELS, Pose, Street, TrainedModelFiles
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.settings import FACADE_WALLS
 from facade_core.imagery.cameras.exposure import estimate_common_exposure
@@ -43,6 +43,7 @@ from tasks.stages.shared.memory import (
     PICTURE_PIXEL,
     bounded_pixel_count,
     detector_memory,
+    given_network_memory,
     peak_decoding_bytes,
 )
 from tasks.stages.shared.scene_view import SceneView, view_charts
@@ -69,7 +70,7 @@ def list_facade_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> 
             coloured_by=tuple(keys[other] for other in beside),
             beside=beside,
         )
-        memory = facade_memory(int(texels[charts[index]]), one)
+        memory = facade_memory(int(texels[charts[index]]), one, one.models)
         units.append(Unit(index, plan.facades.id[index], house, memory, (charts[index],), together[index]))
     return units
 
@@ -321,12 +322,12 @@ def _street_numbers(streets: Sequence[Street]) -> Int64Array:
     return np.array([hash_name(street.name or street.id) for street in streets], np.int64)
 
 
-def facade_memory(texels: int, imagery: FacadeImagery) -> int:
+def facade_memory(texels: int, imagery: FacadeImagery, models: TrainedModelFiles = SHIPPED_MODELS) -> int:
     """Return the bytes that texturing a facade takes at most."""
     panoramas = [path for path, _ in (*imagery.panoramas, *imagery.earlier)]
     tried = ([imagery.photo] if imagery.photo else [], panoramas)  # one after the other
     kept = max(bounded_pixel_count(pictures) for pictures in tried)
-    least = LIBRARY_BYTES + (detector_memory() if kept else 0)
+    least = LIBRARY_BYTES + (detector_memory() + given_network_memory(models) if kept else 0)
     return least + max(texels * FACADE_TEXEL, *map(peak_decoding_bytes, tried)) + kept * PICTURE_PIXEL
 
 

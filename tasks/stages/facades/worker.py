@@ -148,7 +148,7 @@ def _texture_from_source(
     facades, models = plan.facades, inputs.models
     chart = inputs.view.charts[0]
     size = working_size(plan, chart, kind)
-    evidence = read_evidence(kind, plan, chart, size, inputs, inputs.texture_files, refused, models.parser)
+    evidence = read_evidence(kind, plan, chart, size, inputs, inputs.texture_files, refused, models)
     if evidence is None:
         return None
     along, width = float(facades.along[facade]), float(facades.width[facade])

@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from facade_core.core.errors import InputError
+from facade_core.core.types import TrainedModelFiles
 from facade_core.imagery.detect.detection import detectors_available
 from tasks.stages.shared.images import MAX_PIXELS, image_size
 
@@ -18,6 +19,8 @@ LIBRARY_BYTES = 50_000_000
 FACADE_TEXEL = 190
 # Networks that detect faces and text work on one part of a picture at a time (measured: 280 to 340 MB).
 DETECTION_BYTES = 350_000_000
+# Activations of each network that a block gives, beside its weights (an estimate: not measured, and networks differ).
+GIVEN_NETWORK_BYTES = 1_000_000_000
 # Bytes per pixel of a picture that is decoded, and of the bounded copy that is converted and masked
 # (measured: 5 to 6 of a PNG of 144 megapixels, 7 of a progressive JPEG).
 DECODED_PIXEL = 4
@@ -35,6 +38,12 @@ CAMERA_PIXEL = 8
 def detector_memory() -> int:
     """Return the bytes of the optional detectors; 0 if they are not installed."""
     return DETECTION_BYTES if detectors_available() else 0
+
+
+def given_network_memory(models: TrainedModelFiles) -> int:
+    """Return the bytes of the networks that a block gives and the project does not ship."""
+    given = [path for path in (models.segmentation, models.inpainting) if path is not None]
+    return sum(GIVEN_NETWORK_BYTES + path.stat().st_size for path in given)
 
 
 def bounded_pixel_count(pictures: Iterable[Path]) -> int:

@@ -74,6 +74,18 @@ def test_a_block_tells_of_its_own_models(tmp_path: Path) -> None:
     )
 
 
+def test_the_catalogue_lists_networks_that_a_block_gives(tmp_path: Path) -> None:
+    for name in ("segformer", "lama"):
+        (tmp_path / f"{name}.onnx").write_text(name)
+    models = TrainedModelFiles(segmentation=tmp_path / "segformer.onnx", inpainting=tmp_path / "lama.onnx")
+    run = cast(Any, SimpleNamespace(texture=TextureSettings(), models=models))
+    *_, segmentation, inpainting = models_used(run, [{"lattice": {}}])
+    assert (segmentation.file, segmentation.title) == ("segformer.onnx", "segmentation network of the block")
+    assert (inpainting.file, inpainting.card) == ("lama.onnx", None)
+    assert inpainting.sha256 == hashlib.sha256(b"lama").hexdigest()
+    assert models.files == (tmp_path / "segformer.onnx", tmp_path / "lama.onnx")
+
+
 def record(unit: str, status: str = "done", at: float = 0, seconds: float = 2.0, **more: Any) -> dict[str, Any]:
     return {"unit": unit, "status": status, "started": START + at, "seconds": {"a": seconds}, "key": unit} | more
 
