@@ -9,6 +9,7 @@ from scipy import ndimage
 
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.labels import FacadeClass
+from facade_core.parsing.floor_structure import count_floors
 
 # Cells along the picture's longer side,
 _CELLS = 48
@@ -18,6 +19,8 @@ _MIN_WALL_SHARE = 0.2
 _SUNLIT_QUANTILE = 0.9
 # Cells with less than this share of that light are in shadow.
 _SHADOW_RATIO = 0.62
+# A shadow of a building opposite is at least this tall, in storeys; that of a cornice or balcony is lower.
+_MIN_SHADOW_STOREYS = 0.75
 # Cells of wall that a statement needs.
 _MIN_CELLS = 20
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
@@ -29,7 +32,7 @@ def shadow_share(image: UInt8Array, labels: UInt8Array) -> float:
     """Compute the share of a picture's wall that its largest shadow covers, 0 to 1.
 
     The brightness of a cell is the median of its wall, because mouldings and sills cast small shadows everywhere.
-    Evenly lit walls, in the sun or in the shade, have almost none. A floor of far darker stone counts as shadow too.
+    Evenly lit walls, in the sun or in the shade, have almost none. Several floors of far darker stone count as shadow too.
 
     Parameters
     ----------
@@ -51,5 +54,6 @@ def shadow_share(image: UInt8Array, labels: UInt8Array) -> float:
     dark = wall & (brightness < np.quantile(brightness[wall], _SUNLIT_QUANTILE) + math.log(_SHADOW_RATIO))
     # Shadows continue over windows and doors.
     nearest = ndimage.distance_transform_edt(~wall, return_distances=False, return_indices=True)
-    parts, _ = ndimage.label(ndimage.binary_opening(dark[tuple(nearest)], np.ones((2, 2))))
+    least = max(2, round(_MIN_SHADOW_STOREYS * height / max(1, count_floors(labels)) / side))
+    parts, _ = ndimage.label(ndimage.binary_opening(dark[tuple(nearest)], np.ones((least, 2))))
     return float(np.bincount(parts[wall], minlength=2)[1:].max() / wall.sum())

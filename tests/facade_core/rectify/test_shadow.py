@@ -34,6 +34,15 @@ def test_a_slanting_shadow_is_measured(share: float) -> None:
     assert shadow_share(shadowed(part, left=0.85), PAINTED.labels) < 0.1, "hardly darker"
 
 
+def test_shade_under_balconies_is_no_shadow_of_a_building() -> None:
+    height = len(PAINTED.labels)
+    below_balcony = (np.arange(height) % (height // 4)) < 0.5 * (height // 4)
+    joined = np.zeros(PAINTED.labels.shape, bool)
+    joined[below_balcony] = True
+    joined[:, : joined.shape[1] // 8] = True  # a pier in the shade joins them
+    assert shadow_share(shadowed(joined), PAINTED.labels) < 0.2
+
+
 def test_where_hardly_any_wall_is_seen_nothing_is_said() -> None:
     labels = np.full(PAINTED.labels.shape, FacadeClass.WINDOW, np.uint8)
     assert shadow_share(PAINTED.image, labels) == 0
