@@ -19,13 +19,11 @@ _MIN_WALL_SHARE = 0.2
 _SUNLIT_QUANTILE = 0.9
 # Cells with less than this share of that light are in shadow.
 _SHADOW_RATIO = 0.62
-# A shadow of a building opposite is at least this tall, in storeys; that of a cornice or balcony is lower.
-_MIN_SHADOW_STOREYS = 0.75
+# A shadow of a building opposite is at least this tall, in storeys; a floor of dark stone and the shade of a balcony are lower.
+_MIN_SHADOW_STOREYS = 1.25
 # Cells of wall that a statement needs.
 _MIN_CELLS = 20
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-# Luminance below which logarithms are cut.
-_MIN_LUMINANCE = 4.0
 
 
 def shadow_share(image: UInt8Array, labels: UInt8Array) -> float:
@@ -41,9 +39,7 @@ def shadow_share(image: UInt8Array, labels: UInt8Array) -> float:
     """
     height, width = labels.shape
     side = max(4, math.ceil(max(height, width) / _CELLS))
-    luminance = np.where(
-        labels == FacadeClass.WALL, np.log(np.maximum((image * _LUMINANCE).sum(axis=2), _MIN_LUMINANCE)), np.nan
-    )
+    luminance = np.where(labels == FacadeClass.WALL, (image * _LUMINANCE).sum(axis=2), np.nan)
     padded = np.pad(luminance, ((0, -height % side), (0, -width % side)), constant_values=np.nan)
     cells = padded.reshape(padded.shape[0] // side, side, -1, side).swapaxes(1, 2).reshape(-1, side * side)
     wall = (np.isfinite(cells).mean(1) >= _MIN_WALL_SHARE).reshape(padded.shape[0] // side, -1)
@@ -51,7 +47,7 @@ def shadow_share(image: UInt8Array, labels: UInt8Array) -> float:
         return 0.0
     brightness = np.zeros(wall.shape)
     brightness[wall] = np.nanmedian(cells[wall.reshape(-1)], axis=1)
-    dark = wall & (brightness < np.quantile(brightness[wall], _SUNLIT_QUANTILE) + math.log(_SHADOW_RATIO))
+    dark = wall & (brightness < np.quantile(brightness[wall], _SUNLIT_QUANTILE) * _SHADOW_RATIO)
     # Shadows continue over windows and doors.
     nearest = ndimage.distance_transform_edt(~wall, return_distances=False, return_indices=True)
     least = max(2, round(_MIN_SHADOW_STOREYS * height / max(1, count_floors(labels)) / side))
