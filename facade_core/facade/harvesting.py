@@ -83,7 +83,7 @@ def harvest_facade(
 
     Parameters
     ----------
-    photo : (h, w, 4) uint8, RGB with alpha that hides; so do borders without data.
+    photo : (h, w, 4) uint8, taken by day, RGB with alpha that hides; so do borders without data.
     focal : focal length in pixels; None if unknown.
     seed : seed of completion and inpainting.
 
@@ -96,7 +96,7 @@ def harvest_facade(
     if rectified.residual > MAX_RESIDUAL_DEG:
         raise ImageError(f"its lines are {rectified.residual:.1f} degrees off the axes")
     middle = multiply_matrices(rectified.homography, [photo.shape[1] / 2, photo.shape[0] / 2, 1.0])
-    cut = crop_to_building(rectified.image, ~rectified.seen, middle[0] / middle[2])
+    cut = crop_to_building(rectified.image, ~rectified.seen, middle[0] / middle[2], aspect=None, is_day=True)
     if not cut.has_facade:
         raise ImageError("no facade is found in it")
     if (slope := measure_level_slope(cut.image, cut.hidden | cut.outside)) > LEVEL_LINES.max_level_slope_deg:
