@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from facade_core.core.arrays import BoolArray, UInt8Array
-from facade_core.core.labels import FacadeClass
+from facade_core.core.labels import UNKNOWN, FacadeClass
 from facade_core.core.types import Element
 from facade_core.facade.exemplar import count_columns, shrink_to_side
 from facade_core.facade.exemplar_quality import (
@@ -102,7 +102,8 @@ class CandidateAssessment(NamedTuple):
 
 def assess_candidate(picture: FacadePicture) -> CandidateAssessment:
     """Judge a rectified picture of one facade, with its parse, as an exemplar."""
-    shaded = shadow_share(*shrink_to_side(picture.image, picture.labels))
+    seen = np.where(picture.hidden, np.uint8(UNKNOWN), picture.labels)
+    shaded = shadow_share(*shrink_to_side(picture.image, seen))
     quality = judge_exemplar(picture.image, picture.labels, picture.hidden, picture.metres_per_pixel, shaded)
     return CandidateAssessment(quality, (*_explain_content(picture), *_explain_quality(picture, quality)))
 

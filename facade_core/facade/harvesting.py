@@ -34,7 +34,6 @@ from facade_core.imagery.rectify.building_crop import crop_to_building
 from facade_core.imagery.rectify.level_lines import measure_level_slope
 from facade_core.imagery.rectify.no_data import no_data_mask
 from facade_core.imagery.rectify.photo import rectify
-from facade_core.imagery.rectify.photo_state import check_daylight
 from facade_core.imagery.rectify.settings import LEVEL_LINES
 from facade_core.parsing.elements import elements
 from facade_core.parsing.floor_structure import FloorsAndBays, count_floors, fill_sky_and_unknown, find_floors_and_bays
@@ -78,30 +77,26 @@ def harvest_facade(
     photo: UInt8Array,
     focal: float | None,
     *,
-    exposure: float | None = None,
     seed: int = 0,
 ) -> HarvestedFacade:
     """Cut the one facade of a street photo to an exemplar and judge it; a rejected one is not completed.
 
     Parameters
     ----------
-    photo : (h, w, 4) uint8, RGB with alpha that hides; so do borders without data.
+    photo : (h, w, 4) uint8, taken by day, RGB with alpha that hides; so do borders without data.
     focal : focal length in pixels; None if unknown.
-    exposure : exposure value at ISO 100; None if unknown.
     seed : seed of completion and inpainting.
 
     Raises
     ------
-    ImageError : it was taken at night, or no facade can be rectified or parsed in it; the message says why.
+    ImageError : no facade can be rectified or parsed in it; the message says why.
     """
     alpha = np.where(no_data_mask(photo[..., :3]), 0, photo[..., 3])
     rectified = rectify(np.dstack([photo[..., :3], alpha]), focal=focal)
     if rectified.residual > MAX_RESIDUAL_DEG:
         raise ImageError(f"its lines are {rectified.residual:.1f} degrees off the axes")
-    # later than the cheaper check of lines, which most views without a facade fail
-    check_daylight(photo[..., :3], photo[..., 3] == 0, exposure)
     middle = multiply_matrices(rectified.homography, [photo.shape[1] / 2, photo.shape[0] / 2, 1.0])
-    cut = crop_to_building(rectified.image, ~rectified.seen, middle[0] / middle[2])
+    cut = crop_to_building(rectified.image, ~rectified.seen, middle[0] / middle[2], aspect=None, is_day=True)
     if not cut.has_facade:
         raise ImageError("no facade is found in it")
     if (slope := measure_level_slope(cut.image, cut.hidden | cut.outside)) > LEVEL_LINES.max_level_slope_deg:

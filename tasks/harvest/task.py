@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from catalogs.published.folders import write_atomically
+from catalogs.readers.pictures.decoding import Picture
 from catalogs.readers.pictures.embedded_poses import read_panorama_view
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import FacadeError
@@ -24,6 +25,7 @@ from facade_core.imagery.detect.facade_detection import detect_on_thumbnail
 from facade_core.imagery.privacy import apply_privacy
 from facade_core.imagery.rectify.full_circle import check_full_panorama
 from facade_core.imagery.rectify.panorama_views import cut_panorama_views
+from facade_core.imagery.rectify.photo_state import check_daylight
 from facade_core.plan.exemplar_style import style_descriptor
 from tasks.engine.outcome import error_reason, is_machine_fault
 from tasks.harvest.record import CANDIDATES_FOLDER, CandidateRecord, PictureRecord, write_picture_record
@@ -43,13 +45,13 @@ class PhotoView(NamedTuple):
     name : name of its candidate.
     image : (h, w, 4) uint8.
     focal : focal length in pixels; None if unknown.
-    exposure : exposure value at ISO 100; None if unknown.
+    picture : whole picture, which shows the sky where a view of a near wall does not.
     """
 
     name: str
     image: UInt8Array
     focal: float | None
-    exposure: float | None = None
+    picture: Picture
 
 
 def harvest_picture(path: Path, name: str, digest: str, key: str, out: Path) -> PictureRecord:
@@ -90,10 +92,10 @@ def _read_views(path: Path, name: str) -> Iterator[PhotoView]:
     part = read_panorama_view(path)
     if part is not None and _is_panorama(picture.rgb, part):
         for view in cut_panorama_views(picture.rgb, part):
-            yield PhotoView(f"{name}-{view.heading:03.0f}", view.image, view.focal)
+            yield PhotoView(f"{name}-{view.heading:03.0f}", view.image, view.focal, picture)
         return
     alpha = np.where(picture.hidden, 0, 255).astype(np.uint8)
-    yield PhotoView(name, np.dstack([picture.rgb, alpha]), picture.state.focal_px, picture.state.exposure)
+    yield PhotoView(name, np.dstack([picture.rgb, alpha]), picture.state.focal_px, picture)
 
 
 def _is_panorama(image: UInt8Array, part: tuple[float, float, float, float]) -> bool:
@@ -109,8 +111,10 @@ def _is_panorama(image: UInt8Array, part: tuple[float, float, float, float]) -> 
 
 def _harvest_view(view: PhotoView, file: str, out: Path) -> CandidateRecord:
     """Harvest the facade of one view, and write it; one in which none is found is written small."""
+    whole = view.picture
     try:
-        found = harvest_facade(view.image, view.focal, exposure=view.exposure, seed=hash_name(view.name))
+        check_daylight(whole.rgb, whole.hidden, whole.state.exposure)
+        found = harvest_facade(view.image, view.focal, seed=hash_name(view.name))
         texture, labels = _at_style_density(found)
         look = style_descriptor(texture, labels, 1 / STYLE_PIXELS_PER_METRE)
         statistics = measure_facade_statistics(found.image, found.labels, found.metres_per_pixel)

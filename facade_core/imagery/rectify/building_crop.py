@@ -36,7 +36,13 @@ def crop_to_facade(image: UInt8Array, hidden: BoolArray, *, model: ParserModel =
 
 
 def crop_to_building(
-    image: UInt8Array, hidden: BoolArray, centre: float, aspect: float | None = None, *, model: ParserModel = None
+    image: UInt8Array,
+    hidden: BoolArray,
+    centre: float,
+    aspect: float | None,
+    *,
+    is_day: bool,
+    model: ParserModel = None,
 ) -> FacadeCrop:
     """Crop a rectified photo to the facade of one building.
 
@@ -46,6 +52,7 @@ def crop_to_building(
     hidden : (H, W) bool, pixels that do not show the facade.
     centre : column that the photo was pointed at.
     aspect : width over height of the wall; None if unknown.
+    is_day : whether the whole photo, before it was rectified, shows that it was taken by day.
     model : as in `parse`.
 
     Raises
@@ -56,7 +63,7 @@ def crop_to_building(
         return crop_to_box(image, hidden, np.zeros_like(hidden), None)
     segmentation = segment_picture(image, hidden, model=model)
     seen = classify_surroundings(segmentation, hidden)
-    check_photo_state(image, hidden, seen)
+    check_photo_state(image, hidden, seen, is_day)
     cut = _crop_to_sides(image, hidden, seen, centre, aspect)
     return replace(cut, segmentation=crop_segmentation(segmentation, cut.box, hidden.shape))
 

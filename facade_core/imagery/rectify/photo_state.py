@@ -25,7 +25,7 @@ BORDER_SIDE_PX, BRIGHTNESS_SIDE_PX = 640, 96
 DIRECTION_SIDE_PX = 96
 
 
-def check_photo_state(image: UInt8Array, hidden: BoolArray, seen: Surroundings) -> None:
+def check_photo_state(image: UInt8Array, hidden: BoolArray, seen: Surroundings, is_day: bool) -> None:
     """Raise ImageError for a rectified photo that is upside down or on its side, or was taken at night.
 
     Parameters
@@ -33,6 +33,7 @@ def check_photo_state(image: UInt8Array, hidden: BoolArray, seen: Surroundings) 
     image : (H, W, 3) uint8, rectified.
     hidden : (H, W) bool, pixels that do not show the photo.
     seen : the segmented image.
+    is_day : whether it is known that it was taken by day.
     """
     if _upright_evidence(seen.labels, hidden) < PHOTO_CHECKS.min_upright_evidence:
         probability = _turn_probabilities(image, hidden)
@@ -42,7 +43,7 @@ def check_photo_state(image: UInt8Array, hidden: BoolArray, seen: Surroundings) 
     brightness = image.max(axis=2)
     facade, above = ~(seen.outside | hidden), seen.outside & ~hidden
     above[len(above) // 2 :] = False
-    if not facade.any():
+    if is_day or not facade.any():
         return
     sky = float(np.median(brightness[above])) if above.mean() >= PHOTO_CHECKS.min_sky_share else np.inf
     lit, middle = np.percentile(brightness[facade], [90, 50]).tolist()

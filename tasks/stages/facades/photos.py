@@ -147,7 +147,7 @@ def crop_picture(
             )
     middle = multiply_matrices(homography, [shape[1] / 2, shape[0] / 2, 1.0])
     try:
-        cut = crop_to_building(image, hidden, middle[0] / middle[2], aspect, model=models)
+        cut = crop_to_building(image, hidden, middle[0] / middle[2], aspect, is_day=not rectified, model=models)
     except ImageError as error:
         raise ImageError(f"{name}: {error}") from error
     _require_level(cut, name, rectified)

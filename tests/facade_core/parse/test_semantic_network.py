@@ -71,7 +71,7 @@ def test_a_photo_is_cropped_with_the_networks_occluders(tmp_path: Path) -> None:
     image[height // 2 :, width // 2 : width // 2 + 30] = (255, 0, 0)
     network = save_semantic_network(tmp_path / "n.onnx", 19, (5, 2, 2))
     hidden = np.zeros(image.shape[:2], bool)
-    cut = crop_to_building(image, hidden, width / 2, model=TrainedModelFiles(segmentation=network))
+    cut = crop_to_building(image, hidden, width / 2, None, is_day=True, model=TrainedModelFiles(segmentation=network))
     occluder = cut.segmentation.occluder
     rows, columns = occluder.shape
     assert occluder[3 * rows // 4, round((width / 2 + 15) / width * columns)] > 0.9

@@ -191,7 +191,7 @@ def test_facades_of_low_score_are_kept_where_there_are_no_better_ones(tmp_path: 
 
 def test_a_harvest_states_that_exemplars_are_of_low_score(tmp_path: Path, harvested: list[tuple[int, ...]]) -> None:
     dark = tmp_path / "dark.png"
-    Image.fromarray(paint_exemplar(0, seed=7, metres_per_pixel=SCALE).image // 4).save(dark)
+    Image.fromarray(paint_exemplar(0, seed=7, metres_per_pixel=SCALE).image // 2).save(dark)
     shown = CliRunner().invoke(command_line, ["harvest", str(dark), "--out", str(tmp_path / "s"), "--workers", "1"])
     assert shown.exit_code == 0
     assert "1 of the exemplars is below the usual score" in shown.stderr
@@ -229,7 +229,7 @@ def test_a_library_without_a_usable_facade_exits_with_2(tmp_path: Path, harveste
 
 def test_a_panorama_is_cut_to_views(tmp_path: Path, harvested: list[tuple[int, ...]]) -> None:
     path = tmp_path / "round.png"
-    rows = np.linspace(0, 255, 256).astype(np.uint8)
+    rows = np.linspace(255, 0, 256).astype(np.uint8)
     panorama = np.repeat(rows[:, None, None], 512, axis=1).repeat(3, axis=2)
     panorama[100:140] = (10 * np.sin(np.arange(512) * 2 * np.pi / 64)[None, :, None] + 120).astype(np.uint8)
     Image.fromarray(panorama).save(path)
@@ -237,6 +237,21 @@ def test_a_panorama_is_cut_to_views(tmp_path: Path, harvested: list[tuple[int, .
     assert len(harvested) == 8
     assert len({shape for shape in harvested}) == 1
     assert harvested[0][0] == harvested[0][1]
+
+
+@pytest.mark.parametrize("is_night", [False, True])
+def test_the_sky_of_the_whole_panorama_decides_on_daylight(
+    tmp_path: Path, harvested: list[tuple[int, ...]], is_night: bool
+) -> None:
+    panorama = np.full((256, 512, 3), 60 if is_night else 220, np.uint8)
+    panorama[120:] = 90
+    panorama[20:140, 200:312] = 55  # a near wall in the shade, before which a view has no sky
+    panorama[100:130, 240:270] = 250
+    panorama += np.round(8 + 8 * np.sin(np.arange(512) / 20)).astype(np.uint8)[:, None]  # a flat colour is no data
+    Image.fromarray(panorama).save(tmp_path / "round.png")
+    result = harvest_style_library([tmp_path / "round.png"], tmp_path / "style", most=10, workers=1)
+    assert len(harvested) == (0 if is_night else 8)
+    assert all("at night" in reason for _, reason in result.rejected) == is_night
 
 
 def street_photo() -> np.ndarray:

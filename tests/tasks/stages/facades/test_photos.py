@@ -122,7 +122,7 @@ def test_how_a_photo_fits_its_wall_is_told(tmp_path: Path, monkeypatch: pytest.M
     cut = FacadeCrop(image[box], hidden, hidden, (20, 0, 70, 150), has_facade=False, notes=("neighbour cut off",))
     asked = []
 
-    def crop(image: np.ndarray, hidden: np.ndarray, centre: float, aspect: float, model: None) -> FacadeCrop:
+    def crop(image: np.ndarray, hidden: np.ndarray, centre: float, aspect: float, **_: object) -> FacadeCrop:
         asked.append((centre, aspect))
         return cut
 
@@ -217,7 +217,8 @@ def test_a_lit_wall_below_a_dark_sky_is_of_the_night_and_one_in_the_shade_is_not
     labels = np.where(np.arange(100)[:, None] < 20, 6, np.where(np.arange(100)[:, None] < 85, 0, 5))
     labels = np.broadcast_to(labels, (100, 80)).astype(np.uint8)
     with pytest.raises(ImageError, match="at night") if is_night else nullcontext():
-        check_photo_state(image, hidden, Surroundings(labels == 6, labels))
+        check_photo_state(image, hidden, Surroundings(labels == 6, labels), is_day=False)
+    check_photo_state(image, hidden, Surroundings(labels == 6, labels), is_day=True)
 
 
 @pytest.mark.parametrize(
