@@ -147,7 +147,7 @@ def main(arguments: list[str] | None = None) -> None:
                 wall[2:] = measure_photo(asked.data / name, is_rectified=name.startswith(RECTIFIED))
     for out in asked.runs:
         for record in read_newest_journal(out / "store", "facades"):
-            if record is not None and record["unit"] in walls:
+            if record is not None and record["unit"] in walls and "foreign_share" in record:
                 walls[record["unit"]][2:] = [cast(Any, record)[measure.field] for measure in FAULT_MEASURES.values()]
     if asked.data is not None or asked.runs:
         CHOSEN.write_text(write_parts(parts), encoding="utf-8")
