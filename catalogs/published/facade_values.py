@@ -17,10 +17,30 @@ if TYPE_CHECKING:
     from facade_core.atlas.table_schema import TableValues
     from facade_core.plan.facades import Facades
 
-# Larger hidden shares need review.
-MAX_GOOD_HIDDEN_SHARE = 0.5
-# Lower mean confidences of elements need review.
-MIN_GOOD_CONFIDENCE = 0.5
+
+class FaultMeasure(NamedTuple):
+    """Measure of a finished texture in the probability that it is bad.
+
+    Attributes
+    ----------
+    field : field of the journal record.
+    weight : weight in the log odds.
+    usual : mean of good walls.
+    """
+
+    field: str
+    weight: float
+    usual: float
+
+
+# Logistic regression of walls that were judged bad by eye: `python -m benchmarks.texture_faults` fits it.
+FAULT_OFFSET = -2.05
+FAULT_MEASURES: Mapping[str, FaultMeasure] = {
+    "foreign-parts": FaultMeasure("foreign_share", 31.5, 0.01),
+    "garbled-inpainting": FaultMeasure("doubtful_inpainting_m", 5.87, 0.11),
+}
+# Textures that are bad with a larger probability need review.
+MAX_GOOD_FAULT_PROBABILITY = 0.4
 # Ratio of the proportions of a photo and its wall beyond which the facade needs review: windows look squeezed.
 MAX_STRETCH = 1.5
 # Flag of a facade whose building has an assumed height.
@@ -149,6 +169,14 @@ def list_quality_flags(source: FacadeSource) -> str | None:
     return ", ".join(flag for flag, is_raised in QUALITY_CHECKS.items() if is_raised(source)) or "good"
 
 
+def fault_probability(record: Mapping[str, Any]) -> float:
+    """Compute the probability that a finished texture is bad, by the fields of its record; 0 without pictures."""
+    if "foreign_share" not in record:
+        return 0.0
+    odds = FAULT_OFFSET + sum(measure.weight * record[measure.field] for measure in FAULT_MEASURES.values())
+    return float(1 / (1 + np.exp(-odds)))
+
+
 def list_parents(source: FacadeSource) -> str:
     """Return what a facade is made from: its block, building, street and images."""
     images = [f"image/{name}" for name in (source.record.get("source") or "").split(", ") if name]
@@ -160,9 +188,20 @@ def _has_no_windows(source: FacadeSource) -> bool:
     return source.role == "street" and not any(element[0] == "window" for element in source.record["elements"])
 
 
-def _is_parse_unsure(source: FacadeSource) -> bool:
-    elements = source.record["elements"]
-    return bool(elements) and float(np.mean([element[5] for element in elements])) < MIN_GOOD_CONFIDENCE
+def _texture_fault(flag: str) -> Callable[[FacadeSource], bool]:
+    """Return a function that tells whether a texture is likely bad, and a flag's measure is what says so most."""
+
+    def is_raised(source: FacadeSource) -> bool:
+        record = source.record
+        if fault_probability(record) <= MAX_GOOD_FAULT_PROBABILITY:
+            return False
+        return flag == max(FAULT_MEASURES, key=lambda name: _excess_odds(FAULT_MEASURES[name], record))
+
+    return is_raised
+
+
+def _excess_odds(measure: FaultMeasure, record: Mapping[str, Any]) -> float:
+    return measure.weight * (float(record[measure.field]) - measure.usual)
 
 
 def _do_floors_differ(source: FacadeSource) -> bool:
@@ -179,10 +218,8 @@ def _is_cut_doubtful(source: FacadeSource) -> bool:
 
 # Flags of `quality`, with what raises them.
 QUALITY_CHECKS: Mapping[str, Callable[[FacadeSource], bool]] = {
-    "mostly-hidden": lambda source: (source.record.get("occluded") or 0) > MAX_GOOD_HIDDEN_SHARE,
-    "hidden-ground-floor": lambda source: source.record.get("repeated_foot", 0) > 0,
+    **{flag: _texture_fault(flag) for flag in FAULT_MEASURES},
     "no-windows": _has_no_windows,
-    "unsure-parse": _is_parse_unsure,
     "floors-differ": _do_floors_differ,
     "doubtful-cut": _is_cut_doubtful,
     "rejected-picture": lambda source: bool(source.record.get("reason")),

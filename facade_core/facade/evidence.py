@@ -27,7 +27,7 @@ class Evidence:
     private : (h, w) bool faces and number plates; None without any.
     is_clean : True for a picture without occluders.
     confidence : (h, w), 0 to 1: resolution of the picture relative to the raster, and its viewing angle; None if unknown.
-    segmentation : segmentation of the picture; None before it is made.
+    segmentation : segmentation of the picture; None before it is made or observed.
     masked : boxes of removed objects.
     masked_share : share of the picture that they cover.
     parsed : parse of the picture; None before it is observed.

@@ -34,7 +34,7 @@ class Facade:
     estimates : window share, number of windows and of floors, with intervals; None without a photo.
     floors : number of floors, the ground floor included; 0 without windows.
     seconds : seconds of each stage.
-    repeated_foot_share : share of the height at the foot that is hidden, and continues what stands above.
+    foreign_share, inpainting_doubt : as in `facade_core.facade.texture_faults`; None without pictures.
     """
 
     evidence: UInt8Array
@@ -51,7 +51,8 @@ class Facade:
     estimates: FacadeEstimates | None
     floors: int
     seconds: dict[str, float] = field(compare=False)
-    repeated_foot_share: float = 0.0
+    foreign_share: float | None = None
+    inpainting_doubt: float | None = None
 
 
 @contextmanager

@@ -18,12 +18,13 @@ from facade_core.facade.layout import model as layouts
 from facade_core.facade.layout.completion import complete
 from facade_core.facade.texture.hidden_foot import find_hidden_foot, repeat_storeys
 from facade_core.facade.texture.inpainting import inpaint
+from facade_core.facade.texture_faults import foreign_share, inpainting_doubt
 from facade_core.facade.variation.encoding import encode
 from facade_core.parsing.confidence import box_coverage, calibrate_elements, load_calibration
 from facade_core.parsing.elements import elements
 from facade_core.parsing.lattice import lattice
 from facade_core.parsing.occluders import OCCLUDER_RIM_SHARE, clean_occluder_mask, dilate, remove_occluders_lining_hole
-from facade_core.parsing.segmenter import parse, parse_segmentation, segment_picture
+from facade_core.parsing.segmenter import parse_segmentation, segment_picture
 
 # Smallest visible share of a facade to complete; with less the result would be a guess.
 MIN_VISIBLE_SHARE = 0.05
@@ -116,6 +117,7 @@ def observe_photo(
         hidden=hidden,
         masked=evidence.masked + masked,
         masked_share=evidence.masked_share + masked_share,
+        segmentation=segmentation,
         parsed=parsing,
         elements=observed,
     )
@@ -138,7 +140,7 @@ def complete_observed_photo(
     photo : the observed picture.
     seconds : receives the seconds of each step.
     """
-    image, hidden, parsing = photo.image, photo.hidden, photo.parsing
+    image, hidden, parsing, segmentation = photo.image, photo.hidden, photo.parsing, photo.segmentation
     completion, layout = None, list(photo.elements)
     foot = find_hidden_foot(image, hidden, parsing.labels, photo.outside)
     if foot is not None and photo.facade is not None and photo.facade[foot.top :].any():
@@ -157,9 +159,10 @@ def complete_observed_photo(
             hidden = hidden | changed | (np.arange(height)[:, None] >= (height if foot is None else foot.top))
         # Labels and elements come from the completed picture, which may differ from the planned layout.
         with time_stage(seconds, "parse"):
-            parsing = parse(image, model=models.parser)
+            segmentation = segment_picture(image, nothing := np.zeros_like(hidden), model=models.parser)
+            parsing = parse_segmentation(segmentation, nothing)
         with time_stage(seconds, "elements"):
-            layout = elements(replace(parsing, occluded=np.zeros_like(hidden)))
+            layout = elements(replace(parsing, occluded=nothing))
     calibration = load_calibration(models.parser)
     estimates = calibration.estimate(parsing, layout, hidden)
     with time_stage(seconds, "lattice"):
@@ -177,7 +180,8 @@ def complete_observed_photo(
         hierarchy=None,
         completion=completion,
         estimates=estimates,
-        repeated_foot_share=0.0 if foot is None else 1 - foot.top / len(hidden),
+        foreign_share=0.0 if photo.is_clean or segmentation is None else foreign_share(segmentation),
+        inpainting_doubt=inpainting_doubt(parsing.confidence, hidden),
         floors=int(estimates.value.floors),
         seconds=seconds,
     )

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-
+from catalogs.published.facade_values import fault_probability
 from facade_core.plan.facades import Facades
 from tasks.stages.facades.record import FacadeRecord
 
@@ -15,8 +14,7 @@ MIN_CHANGE = 0.07
 def review_priority(facades: Facades, index: int, record: FacadeRecord | None, quality: str | None) -> float:
     """Compute the review priority of a facade, square metres: visible area times doubt.
 
-    Doubt adds the number of flags in `quality`, the hidden share, and the mean uncertainty of elements, 0 to 1. A
-    corrected facade has none.
+    Doubt is the number of flags in `quality` and the probability that the texture is bad. A corrected facade has none.
 
     Parameters
     ----------
@@ -27,8 +25,6 @@ def review_priority(facades: Facades, index: int, record: FacadeRecord | None, q
     """
     if quality is None or record is None or record.get("corrected"):
         return 0.0
-    elements = record.get("elements", ())
-    unsure = 1 - float(np.mean([element[5] for element in elements])) if elements else 0.0
     flags = 0 if quality == "good" else 1 + quality.count(",")
     seen = float(facades.width[index] * facades.height[index] * facades.seen[index])
-    return round(seen * (flags + (record.get("occluded") or 0.0) + unsure), 3)
+    return round(seen * (flags + fault_probability(record)), 3)

@@ -13,10 +13,9 @@ const suggested = ({ floors, levels, height_m }) =>
 export const REMEDIES = {
   "height-assumed": (facade) => `The map states no height for this building; ${said(facade.height_m, "metres")} is assumed.${suggested(facade)} Add it to the map, or correct it with view --edit.`,
   "floors-differ": (facade) => `Floors expected from its height or stated by the map: ${facade.levels}.${suggested(facade)} Correct the height of its building, or the boxes of its windows.`,
-  "mostly-hidden": () => "Most of it is hidden in its pictures and was inpainted. Add a photo from another place.",
-  "hidden-ground-floor": () => "Its ground floor is hidden in its pictures; it repeats the storeys above. Add a photo that shows it.",
+  "foreign-parts": () => "Its texture shows people, cars, trees, sky or a neighbour. Hide them with view --edit, or add a photo without them.",
+  "garbled-inpainting": () => "A large part is hidden in its pictures, and what was inpainted hardly looks like a facade. Add a photo that shows it.",
   "no-windows": () => "No window was found. If it has some, draw them with view --edit, or mark it as no facade.",
-  "unsure-parse": () => "Its windows and doors are uncertain. Look at the boxes of its layout, and correct them with view --edit.",
   "doubtful-cut": () => "Its outline in the photo is doubtful. Compare it with the rectified picture; take a photo that shows the whole wall.",
   "rejected-picture": ({ reason }) => `A picture of it was rejected${reason ? `: ${reason}` : "."} Correct that picture or its place, or remove it.`,
 };

@@ -21,7 +21,9 @@ class FacadeRecord(StoredFacadeRecord, total=False):
     before_digest : its digest.
     occluded : occluded share.
     masked : boxes of masked objects, pixels.
-    repeated_foot : share of the height at the foot that is hidden, and continues what stands above.
+    foreign_share : as in `facade_core.facade.texture_faults`; none without pictures.
+    doubtful_inpainting_m : radius of the largest circle that is inpainted throughout, times the doubt of the parse in the
+        inpainted part, metres; none without pictures.
     pictured_colour : lit colour of the wall, 0..255, as its photo or panoramas show it; none where they show too little.
     common_exposure : whether it has the exposure that all panoramas with common ground have.
     tone_slope : slopes at black of the tone curve that brought it to the exposure of its building; none of 1.
@@ -38,7 +40,8 @@ class FacadeRecord(StoredFacadeRecord, total=False):
     floors: int
     occluded: float
     masked: list[list[int]]
-    repeated_foot: float
+    foreign_share: float
+    doubtful_inpainting_m: float
     pictured_colour: list[float]
     common_exposure: bool
     tone_slope: list[float]

@@ -30,6 +30,7 @@ from facade_core.facade.evidence import Evidence
 from facade_core.facade.exemplar import count_columns
 from facade_core.facade.facade import Facade
 from facade_core.facade.photo_facade import MAX_HIDDEN_SHARE
+from facade_core.facade.texture_faults import inpainted_radius
 from facade_core.facade.variation.hierarchy import Hierarchy
 from facade_core.imagery.detect.detection import detectors_available
 from facade_core.imagery.detect.signs import shop_names
@@ -89,7 +90,7 @@ def write_facade(
         density = float(plan.scene.placement.texels_per_metre[plan.facades.chart[facade]])
         evidence = apply_privacy(result.evidence, result.occluded, inputs.privacy, density)
         digests = _write_rasters(group, plan, facade, result, evidence, made.confidence)
-        about |= _summarize(result) | {"digests": digests, "label_digest": picture_digest(result.labels)}
+        about |= _summarize(result, density) | {"digests": digests, "label_digest": picture_digest(result.labels)}
         if result.hierarchy is not None:
             about |= _write_variations(group, plan, facade, result.hierarchy, files)
         seconds = seconds | {"write": time.time() - begun}
@@ -182,7 +183,18 @@ def _write_rasters(
     return chart_digests(seed, evidence, scene.placement, rasters, plan.ids)
 
 
-def _summarize(result: Facade) -> dict[str, object]:
+def _measure_faults(result: Facade, texels_per_metre: float) -> dict[str, float]:
+    """Return the fields of a record on faults of a finished texture; {} without pictures."""
+    if result.foreign_share is None or result.inpainting_doubt is None:
+        return {}
+    radius = inpainted_radius(result.provenance == Provenance.INPAINTED) / texels_per_metre
+    return {
+        "foreign_share": round(result.foreign_share, 4),
+        "doubtful_inpainting_m": round(radius * result.inpainting_doubt, 4),
+    }
+
+
+def _summarize(result: Facade, texels_per_metre: float) -> dict[str, object]:
     """Return the record fields of a facade for the catalogue and the report."""
     pictured = result.provenance == Provenance.PHOTO
     counts: dict[str, int] = {}
@@ -216,5 +228,5 @@ def _summarize(result: Facade) -> dict[str, object]:
             for share in np.bincount(result.provenance.reshape(-1), minlength=len(PROVENANCE)) / result.labels.size
         ],
         "layout_score": None if result.completion is None else round(float(result.completion.score), 4),
-        **({"repeated_foot": round(result.repeated_foot_share, 4)} if result.repeated_foot_share else {}),
+        **_measure_faults(result, texels_per_metre),
     } | ({} if result.hierarchy is None else count_variations(result.hierarchy))

@@ -328,11 +328,11 @@ def test_the_mirror_holds_what_the_items_do(out: Path, kind: str, count: int) ->
 
 def test_a_facade_leads_to_what_it_is_made_from(tmp_path: Path) -> None:
     parents = "block/demo, building/w1, street/s/11, street/s99, image/a.jpg"
-    folder = publish(tmp_path, [row("w1-f1", parents=parents, quality="mostly-hidden, floors-differ")])
+    folder = publish(tmp_path, [row("w1-f1", parents=parents, quality="garbled-inpainting, floors-differ")])
     path = folder / "stac" / "facades" / "w1" / "w1-f1.json"
     item = json.loads(path.read_text())
     assert item["properties"]["streetloom:parents"] == parents
-    assert item["properties"]["streetloom:quality"] == "mostly-hidden, floors-differ"
+    assert item["properties"]["streetloom:quality"] == "garbled-inpainting, floors-differ"
     origins = [(path.parent / link["href"]).resolve() for link in item["links"] if link["rel"] == "derived_from"]
     assert [json.loads(origin.read_text())["id"] for origin in origins] == ["demo", "s/11"]
 

@@ -165,26 +165,31 @@ def windows(rows: int, confidence: float = 0.9) -> list[list[Any]]:
     return [["window", 10 * c, 40 * r, 10 * c + 6, 40 * r + 20, confidence] for r in range(rows) for c in range(3)]
 
 
+def fault_measures(**changes: float) -> dict[str, Any]:
+    return {"foreign_share": 0.0, "doubtful_inpainting_m": 0.1} | changes
+
+
 @pytest.mark.parametrize(
     ("changes", "source", "quality"),
     [
         ({}, "height", "good"),
         ({}, "default", "height-assumed"),
-        ({"occluded": 0.6}, "height", "mostly-hidden"),
-        ({"repeated_foot": 0.15}, "height", "hidden-ground-floor"),
+        (fault_measures(), "height", "good"),
+        (fault_measures(foreign_share=0.2), "height", "foreign-parts"),
+        (fault_measures(doubtful_inpainting_m=0.5), "height", "garbled-inpainting"),
+        (fault_measures(foreign_share=0.2, doubtful_inpainting_m=0.3), "height", "foreign-parts"),
         ({"floors": 5, "floors_low": 4, "floors_high": 6}, "height", "good"),
         ({"floors": 6, "floors_low": 5, "floors_high": 7}, "height", "floors-differ"),
         ({"floors": 5}, "height", "floors-differ"),
-        ({"elements": windows(4, 0.3)}, "height", "unsure-parse"),
         ({"reason": "a.jpg: shows another plane; textured from b.jpg"}, "height", "rejected-picture"),
         ({"cut_kept": 0.4, "cut_found": True, "stretched": 1.2}, "height", "good"),
         ({"cut_kept": 1.0, "cut_found": False, "stretched": 1.0}, "height", "doubtful-cut"),
         ({"cut_kept": 0.9, "cut_found": True, "stretched": 0.5}, "height", "doubtful-cut"),
         ({"cut_kept": 0.9, "cut_found": True, "stretched": 1.9}, "height", "doubtful-cut"),
         (
-            {"elements": [["door", 0, 0, 5, 9, 0.9]], "occluded": 0.9, "floors": 0},
+            {"elements": [["door", 0, 0, 5, 9, 0.9]], "floors": 0} | fault_measures(doubtful_inpainting_m=0.9),
             "levels",
-            "mostly-hidden, no-windows",
+            "garbled-inpainting, no-windows",
         ),
     ],
 )

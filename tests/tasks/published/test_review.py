@@ -24,9 +24,9 @@ FACADES = cast(
         (0, {}, "assumed height", 30.0),
         (1, {}, "assumed height", 60.0),
         (0, {}, "assumed height, no source", 60.0),
-        (0, {"occluded": 0.5}, "good", 15.0),
-        (0, {"elements": [["window", 0, 0, 1, 1, 0.9], ["door", 0, 0, 1, 1, 0.5]]}, "good", 9.0),
-        (1, {"corrected": ["elements"], "occluded": 0.9}, "assumed height", 0.0),
+        (0, {"foreign_share": 0.0, "doubtful_inpainting_m": 0.0}, "good", 3.422),
+        (0, {"foreign_share": 1.0, "doubtful_inpainting_m": 0.0}, "foreign-parts", 60.0),
+        (1, {"corrected": ["elements"], "foreign_share": 1.0}, "assumed height", 0.0),
         (1, {}, None, 0.0),
     ],
 )
