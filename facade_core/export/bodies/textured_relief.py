@@ -17,6 +17,7 @@ from facade_core.export.bodies.element_relief import place_elements
 from facade_core.export.bodies.openings import chart_outlines
 from facade_core.export.bodies.patches import MeshPolygon, triangulate_mesh_polygon
 from facade_core.export.bodies.recess import has_room, project_on_wall, recess_opening
+from facade_core.export.bodies.settings import ELEMENT_DEPTHS
 from facade_core.export.models.textured_mesh import TexturedMesh, VertexFrames
 from facade_core.geometry.charts import Charts, Mesh
 
@@ -56,7 +57,7 @@ def build_wall_relief(
     position : (v, 3) vertices of the wall, world metres.
     triangles : (t, 3) vertex indices of the wall's triangles.
     elements : elements of the wall, metres, y down.
-    behind : triangles (t, 3, 3) of the building's surfaces, those of its other walls in relief.
+    behind : triangles (t, 3, 3) of surfaces that no element may meet.
 
     Returns
     -------
@@ -138,8 +139,9 @@ def add_relief(source: TexturedMesh, layouts: Mapping[int, Sequence[Element]]) -
         behind = [mesh.vertices[mesh.triangles[of_building[building]]]]
         for chart in sorted(chart for chart in layouts if charts.building[chart] == building):
             used, triangles = np.unique(mesh.triangles[mesh.chart_triangles(chart)], return_inverse=True)
+            others = [*behind, *_neighbour_triangles(source, chart)]
             found = build_wall_relief(
-                charts, chart, mesh.vertices[used], triangles.reshape(-1, 3), layouts[chart], behind
+                charts, chart, mesh.vertices[used], triangles.reshape(-1, 3), layouts[chart], others
             )
             if found is None:
                 continue
@@ -147,6 +149,17 @@ def add_relief(source: TexturedMesh, layouts: Mapping[int, Sequence[Element]]) -
             faces += found
             owners += [chart] * len(found)
     return _replace_walls(source, faces, np.array(owners, np.int32)) if faces else source
+
+
+def _neighbour_triangles(source: TexturedMesh, chart: int) -> list[Float64Array]:
+    """Return the triangles (t, 3, 3) of other buildings' charts that an element of a chart could meet."""
+    mesh, charts = source.mesh, source.charts
+    reach = max(depth.outward_m for depth in ELEMENT_DEPTHS.values())
+    return [
+        mesh.vertices[mesh.triangles[mesh.chart_triangles(other)]]
+        for other in charts.charts_within(chart, reach).tolist()
+        if charts.building[other] not in (-1, charts.building[chart])
+    ]
 
 
 def _replace_walls(source: TexturedMesh, faces: Sequence[ReliefFace], chart: IntArray) -> TexturedMesh:

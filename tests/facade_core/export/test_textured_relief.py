@@ -116,6 +116,32 @@ def test_an_element_is_no_deeper_than_the_building(coloured: TexturedMesh) -> No
         assert ((deep - deep[0, 0]) @ out).min() == pytest.approx(depth, abs=1e-6)
 
 
+def test_a_balcony_stays_flat_before_another_building(coloured: TexturedMesh) -> None:
+    wall = wall_of(coloured)
+    charts, mesh = coloured.charts, coloured.mesh
+    shown = charts.points(wall, np.array([5.0, 6, 5]), np.array([3.2, 3.2, 3.8]))
+    other = int(np.flatnonzero(charts.building[mesh.chart] == 1)[0])
+    moved = int(mesh.chart[other])
+    for metres, is_flat in ((0.5, True), (2.0, False)):
+        # a chart of the other building, moved before the wall
+        corners = shown + metres * charts.normals()[wall]
+        origin = charts.origin.copy()
+        origin[moved] = corners[0]
+        triangles = mesh.triangles.copy()
+        triangles[other] = len(mesh.vertices) + np.arange(3)
+        near = replace(
+            coloured,
+            charts=replace(charts, origin=origin),
+            mesh=replace(
+                mesh,
+                vertices=np.concatenate([mesh.vertices, corners]),
+                triangles=triangles,
+                vertex_chart=np.append(mesh.vertex_chart, [moved] * 3).astype(np.int32),
+            ),
+        )
+        assert (add_relief(near, {wall: [BALCONY]}) is near) == is_flat
+
+
 def test_elements_in_any_order_give_the_same_mesh(coloured: TexturedMesh) -> None:
     wall = wall_of(coloured)
     one, other = (add_relief(coloured, {wall: elements}) for elements in (ELEMENTS, ELEMENTS[::-1]))
