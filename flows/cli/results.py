@@ -171,6 +171,13 @@ def _with_formats(option: str) -> str:
     help=f"{_with_formats('crs')} coordinates and heights of the block's own CRS, for maps in that CRS, in "
     "exports/3dtiles-native.  [default: on the earth]",
 )
+@click.option(
+    "--relief",
+    type=click.Choice(["off", "elements"]),
+    default="off",
+    show_default=True,
+    help=f"{_with_formats('relief')} elements sets windows, doors and shops back into the walls and brings balconies out.",
+)
 def export(
     folder: Folder,
     style: str,
@@ -181,6 +188,7 @@ def export(
     lit: bool | None,
     night: bool,
     crs: str | None,
+    relief: str,
 ) -> None:
     """Export the products of a run, or of all blocks of a city, for other programs.
 
@@ -195,6 +203,7 @@ def export(
     Examples:
       streetloom export out/demo --format glb                  lit: roughness, normals, occlusion; variants day and night
       streetloom export out/demo --format glb --textures factored --to factored/
+      streetloom export out/demo --format glb --relief elements --to deep/
       streetloom export out/demo --format 3dtiles --to tiles/
       streetloom export out/demo --format 3dtiles --textures webp --max-texture-mb 300
       streetloom export out/demo --format 3dtiles --textures factored --to factored-tiles/
@@ -219,6 +228,7 @@ def export(
             lit=lit,
             night=night,
             crs=crs,
+            relief=relief,
         )
     for line in done.notes:
         print_notice(line)

@@ -141,7 +141,7 @@ def _list_features(
 
     source = results.textured_mesh
     shown = append_ground_index(results, buildings)
-    drawn, images = write_texture_pages(results, shown, folder, len(shown))
+    drawn, images = write_texture_pages(results.textured_mesh, shown, folder, len(shown))
     layouts = facade_layouts(results, buildings) if openings else {}
     triangles = group_rows(source.charts.building[source.mesh.chart])
     taken = set(results.names.values())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from facade_core.core.json_types import JsonObject
 from facade_core.core.labels import ELEMENT_PLURALS
 from facade_core.core.types import Element
 from tasks.export.models import append_ground_index
+from tasks.export.relief import facade_elements
 from tasks.publish.published_run import PublishedBlock
 
 if TYPE_CHECKING:
@@ -182,18 +182,12 @@ def facade_layouts(results: PublishedBlock, buildings: IntArray) -> dict[int, li
     from facade_core.export.bodies.ledges import detect_ledges
 
     placement = results.plan.scene.placement
-    layouts = {}
-    for index in results.select_finished_facades(buildings):
-        chart = int(results.plan.facades.chart[index])
-        density = float(placement.texels_per_metre[chart])
-        elements = [
-            replace(e, **{side: getattr(e, side) / density for side in ("x0", "y0", "x1", "y1")})
-            for e in results.elements(index)
-        ]
+    layouts = facade_elements(results, buildings)
+    for chart, elements in layouts.items():
         seed, labels = (
             read_chart_raster(results.group, placement, chart, name) for name in ("atlas/seed", "facade_maps/labels")
         )
-        layouts[chart] = [*elements, *detect_ledges(seed, labels, elements, density)]
+        elements += detect_ledges(seed, labels, elements, float(placement.texels_per_metre[chart]))
     return layouts
 
 

@@ -45,7 +45,7 @@ def write_citygml(results: PublishedBlock, buildings: IntArray, folder: Path) ->
     from facade_core.export.city_models.citygml import open_citygml_writer, xml_id
 
     source, shown = results.textured_mesh, append_ground_index(results, buildings)
-    drawn, images = write_texture_pages(results, shown, folder, len(shown))
+    drawn, images = write_texture_pages(results.textured_mesh, shown, folder, len(shown))
     triangles = group_rows(source.charts.building[source.mesh.chart])
     layouts = facade_layouts(results, buildings)
     ids = {index: xml_id(results.names[index]) for index in buildings.tolist()}

@@ -19,6 +19,7 @@ from facade_core.core.errors import InputError
 from tasks.export.code_digest import export_key
 from tasks.export.earth import NATIVE_CRS
 from tasks.export.registry import FACTORED, FORMATS, list_formats_with
+from tasks.export.relief import ELEMENTS, OFF
 from tasks.export.targets import (
     HIDDEN_MARKER,
     MARKER,
@@ -44,6 +45,7 @@ def export_run(
     lit: bool | None = None,
     night: bool = False,
     crs: str | None = None,
+    relief: str = OFF,
 ) -> ExportResult:
     """Export the published results of a run, or of all blocks of a city.
 
@@ -65,6 +67,7 @@ def export_run(
     lit : glb, 3dtiles and usd: materials react to light.
     night : glb, 3dtiles and usd: windows emit light.
     crs : 3dtiles only: "native" gives coordinates in the block's CRS; None: earth-centred (EPSG:4978).
+    relief : glb, obj and usd: "elements" gives windows, doors, shops and balconies as geometry; "off" leaves walls flat.
 
     Raises
     ------
@@ -74,7 +77,16 @@ def export_run(
         raise InputError(f"--format {format}: not known; choose {', '.join(FORMATS)}")
     if crs not in (None, NATIVE_CRS):
         raise InputError(f"--crs {crs}: is not written; use {NATIVE_CRS}, the block's own, or leave it out")
-    asked = {"textures": textures, "max_texture_mb": max_texture_mb, "lit": lit, "night": night or None, "crs": crs}
+    if relief not in (OFF, ELEMENTS):
+        raise InputError(f"--relief {relief}: is not known; use {ELEMENTS} or {OFF}")
+    asked = {
+        "textures": textures,
+        "max_texture_mb": max_texture_mb,
+        "lit": lit,
+        "night": night or None,
+        "crs": crs,
+        "relief": None if relief == OFF else relief,
+    }
     options = {name: value for name, value in asked.items() if value is not None}
     entry = FORMATS[format]
     made = f"{FACTORED} {format}" if textures == FACTORED else format

@@ -14,6 +14,7 @@ from facade_core.core.errors import InputError
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.export.earth import georeference_tiles
 from tasks.export.registry import FACTORED
+from tasks.export.relief import OFF, add_requested_relief
 from tasks.publish.published_run import PublishedBlock
 
 if TYPE_CHECKING:
@@ -63,20 +64,19 @@ def append_ground_index(results: PublishedBlock, buildings: IntArray) -> IntArra
 
 
 def write_texture_pages(
-    results: PublishedBlock, shown: IntArray, folder: Path, other_units: int
+    source: TexturedMesh, shown: IntArray, folder: Path, other_units: int
 ) -> tuple[PackedCharts, list[str]]:
     """Write the texture pages of some buildings as JPEG files; return the packed charts, and the files by page.
 
     Parameters
     ----------
-    results : published results of a block.
+    source : mesh of the block.
     shown : (n,) indices of buildings, -1 for the ground.
     folder : target folder.
     other_units : units of progress after this step.
     """
     from facade_core.export.models.textured_mesh import encode_page, pack_charts_on_pages
 
-    source = results.textured_mesh
     drawn = pack_charts_on_pages(source, source.select_charts(shown))
     images = [f"{TEXTURE_FOLDER}/{page:04}.jpg" for page in range(len(drawn.layout.pages))]
     begin_stage("export", len(images) + other_units)
@@ -95,6 +95,7 @@ def write_glb_models(
     textures: str | None = None,
     lit: bool | None = None,
     night: bool = False,
+    relief: str = OFF,
 ) -> tuple[list[str], list[str]]:
     """Write block.glb with a node for each building, and buildings/ID.glb, in the block's local frame.
 
@@ -106,6 +107,7 @@ def write_glb_models(
     textures : FACTORED writes block.glb alone, factored; None: unique texels.
     lit : relight materials; see `mesh_with_requested_lighting`.
     night : start with night emission.
+    relief : elements as geometry; see `add_requested_relief`.
 
     Returns
     -------
@@ -127,6 +129,7 @@ def write_glb_models(
     )
 
     source, notes = mesh_with_requested_lighting(results, lit, night, lit_by_default=True)
+    source = add_requested_relief(results, source, buildings, relief)
     frame = mesh_y_up_frame(results.plan.scene.mesh)
     extras = {"origin": frame.origin.tolist(), "crs": results.crs}
     (folder / "buildings").mkdir()

@@ -9,10 +9,13 @@ from catalogs.printable_text import escape_invisible
 from facade_core.core.arrays import IntArray
 from tasks.engine.progress import report_progress
 from tasks.export.models import append_ground_index, write_texture_pages
+from tasks.export.relief import OFF, add_requested_relief
 from tasks.publish.published_run import PublishedBlock
 
 
-def write_obj(results: PublishedBlock, buildings: IntArray, folder: Path) -> tuple[list[str], list[str]]:
+def write_obj(
+    results: PublishedBlock, buildings: IntArray, folder: Path, *, relief: str = OFF
+) -> tuple[list[str], list[str]]:
     """Write BLOCK.obj with an object for each building, BLOCK.mtl and textures, in the frame of `glb`.
 
     Parameters
@@ -20,6 +23,7 @@ def write_obj(results: PublishedBlock, buildings: IntArray, folder: Path) -> tup
     results : published results of a block.
     buildings : (n,) indices of buildings.
     folder : target folder.
+    relief : elements as geometry; see `add_requested_relief`.
 
     Returns
     -------
@@ -29,7 +33,8 @@ def write_obj(results: PublishedBlock, buildings: IntArray, folder: Path) -> tup
     from facade_core.export.models.obj import format_materials, format_obj
     from facade_core.export.models.textured_mesh import build_nodes, mesh_y_up_frame
 
-    drawn, textures = write_texture_pages(results, append_ground_index(results, buildings), folder, 1)
+    source = add_requested_relief(results, results.textured_mesh, buildings, relief)
+    drawn, textures = write_texture_pages(source, append_ground_index(results, buildings), folder, 1)
     frame = mesh_y_up_frame(results.plan.scene.mesh)
     nodes, _ = build_nodes([drawn], {b: escape_invisible(name) for b, name in results.names.items()}, frame)
     origin = " ".join(f"{value:.3f}" for value in frame.origin.tolist())

@@ -18,9 +18,9 @@ from facade_core.export.bodies.settings import BALCONY_SHAPES
 WallFrameFace = tuple[list[Float64Array], list[Float64Array], str]
 
 
-def place_balconies(wall: Polygon, elements: Sequence[Element]) -> list[shapely.Polygon]:
-    """Place the balconies of a wall as disjoint rectangles in its chart's frame."""
-    found: list[Polygon] = []
+def place_balconies(wall: Polygon, elements: Sequence[Element]) -> list[tuple[Element, Polygon]]:
+    """Return the balconies of a wall with disjoint rectangles in its chart's frame."""
+    found: list[tuple[Element, Polygon]] = []
     wanted = [e for e in elements if e.label == "balcony"]
     for element in sorted(wanted, key=lambda e: (-e.width * e.height, e.x0, e.y0)):
         west, north, east, south = wall.bounds
@@ -30,8 +30,8 @@ def place_balconies(wall: Polygon, elements: Sequence[Element]) -> list[shapely.
             BALCONY_SHAPES.railing_thickness_m
         ).contains(box):
             continue
-        if not any(box.intersects(other) for other in found):
-            found.append(box)
+        if not any(box.intersects(other) for _, other in found):
+            found.append((element, box))
     return found
 
 
@@ -55,14 +55,19 @@ def extend_windows_behind_railings(elements: Sequence[Element], balconies: Seque
     return found
 
 
-def balcony_faces(box: Polygon) -> list[WallFrameFace]:
-    """Build the closed body of a balcony over a rectangle of its wall: outer sides, rim, inner sides and floor."""
+def balcony_faces(box: Polygon, far: float) -> list[WallFrameFace]:
+    """Build the closed body of a balcony over a rectangle of its wall: outer sides, rim, inner sides and floor.
+
+    Parameters
+    ----------
+    box : rectangle in the chart's frame.
+    far : depth of the balcony, metres.
+
+    Returns
+    -------
+    Faces; the last is the one against the wall.
+    """
     x0, y0, x1, y1 = box.bounds
-    far = (
-        BALCONY_SHAPES.balcony_depth_m
-        if x1 - x0 >= BALCONY_SHAPES.min_wide_balcony_m
-        else BALCONY_SHAPES.narrow_balcony_depth_m
-    )
     floor = y1 - min(BALCONY_SHAPES.floor_thickness_m, (y1 - y0) / 3)
     a, b, c = (
         x0 + BALCONY_SHAPES.railing_thickness_m,

@@ -11,16 +11,11 @@ from shapely import Polygon
 
 from facade_core.core.arrays import Float64Array, IntArray
 from facade_core.core.types import Element
-from facade_core.export.bodies.balconies import (
-    WallFrameFace,
-    balcony_faces,
-    extend_windows_behind_railings,
-    place_balconies,
-)
+from facade_core.export.bodies.balconies import WallFrameFace, balcony_faces
 from facade_core.export.bodies.building_body import BuildingBody, build_body
+from facade_core.export.bodies.element_relief import ElementRelief, place_elements
 from facade_core.export.bodies.ledges import ledge_faces, place_ledges
 from facade_core.export.bodies.model_face import ModelFace, SemanticSurface
-from facade_core.export.bodies.openings import place_openings
 from facade_core.export.bodies.patches import (
     MeshPolygon,
     PolygonMesh,
@@ -135,10 +130,13 @@ def build_building_model_parts(
             faces.append(make_face(packed, rings, patch.semantic if patch.semantic >= 0 else closing, chart))
             continue
         wall = _chart_polygon(packed, rings, chart)
-        before = place_balconies(wall, elements) if wall.is_valid else []
-        windows = extend_windows_behind_railings(elements, before)
-        faces += _cut_openings(packed, body.shell, patch, windows, surfaces, behind)
-        balconies += [(facades[chart], _attach_to_wall(packed, chart, balcony_faces(box))) for box in before]
+        placed = place_elements(wall, elements)
+        faces += _cut_openings(packed, body.shell, patch, placed, surfaces, behind)
+        balconies += [
+            (facades[chart], _attach_to_wall(packed, chart, balcony_faces(e.outline, e.depth.outward_m)))
+            for e in placed
+            if e.label == "balcony"
+        ]
         along = place_ledges(wall, elements) if wall.is_valid else []
         ledges += [(facades[chart], _attach_to_wall(packed, chart, ledge_faces(box))) for box in along]
     attachments = _make_attachments(packed, body, surfaces.surfaces)
@@ -199,22 +197,27 @@ def _cut_openings(
     packed: PackedCharts,
     shell: PolygonMesh,
     patch: MeshPolygon,
-    elements: Sequence[Element],
+    elements: Sequence[ElementRelief],
     surfaces: SemanticsBuilder,
     behind: list[Float64Array],
 ) -> list[ModelFace]:
     """Cut the openings of a wall; returns the wall with holes, the openings and their reveals."""
     charts, chart = packed.source.charts, patch.chart
     rings = patch.ring_points(shell.points)
-    wall = _chart_polygon(packed, rings, chart)
     faces: list[ModelFace] = []
     holes: list[Float64Array] = []
-    for element, opening in place_openings(wall, elements) if wall.is_valid else []:
-        found = recess_opening(opening, charts, chart, np.concatenate(rings), behind)
+    recessed: list[Float64Array] = []
+    for element in elements:
+        if element.label not in OPENING_TYPES:
+            continue
+        depth = -element.depth.outward_m
+        found = recess_opening(element.outline, depth, charts, chart, np.concatenate(rings), behind)
         holes.append(found.ring[::-1])
+        recessed += [found.triangles()] if found.depth else []
         semantic = surfaces.add({"type": OPENING_TYPES[element.label], "parent": patch.semantic})
         faces.append(make_face(packed, [found.pane_ring], semantic, chart))
         faces += [make_face(packed, [ring], patch.semantic, chart, [flat]) for ring, flat in found.reveals()]
+    behind += recessed  # openings of one wall are apart already
     return [make_face(packed, [*rings, *holes], patch.semantic, chart), *faces]
 
 

@@ -11,8 +11,8 @@ from facade_core.core.arrays import Float64Array
 from facade_core.core.types import Element
 from facade_core.export.bodies.settings import WALL_OPENINGS
 
-# Doors are placed first, because people walk through them.
-OPENING_ORDER = ("door", "window")
+# Doors are placed first, because people walk through them; shops last, because their windows and doors are in them.
+OPENING_ORDER = ("door", "window", "shop")
 
 
 def chart_outlines(corners: Float64Array) -> list[Polygon]:
@@ -43,7 +43,7 @@ def chart_outlines(corners: Float64Array) -> list[Polygon]:
 
 
 def place_openings(wall: Polygon, elements: Sequence[Element]) -> list[tuple[Element, Polygon]]:
-    """Return doors and windows with their polygons in a wall, clipped and kept apart.
+    """Return doors, windows and shops with their polygons in a wall, clipped and kept apart.
 
     Parameters
     ----------

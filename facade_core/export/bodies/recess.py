@@ -33,6 +33,10 @@ class RecessedOpening(NamedTuple):
         """Return the outline (k, 3) of the opening itself."""
         return self.ring + self.depth * self.inward
 
+    def triangles(self) -> Float64Array:
+        """Return the triangles (t, 3, 3) of the opening and its reveals, which later openings must not meet."""
+        return np.concatenate([_fan(self.pane_ring), *(_fan(quad) for quad, _ in self.reveals())])
+
     def reveals(self) -> list[tuple[Float64Array, Float64Array]]:
         """Return the faces between wall and opening.
 
@@ -61,41 +65,64 @@ class RecessedOpening(NamedTuple):
         return found
 
 
+def _fan(ring: Float64Array) -> Float64Array:
+    return np.stack([np.array([ring[0], ring[k], ring[k + 1]]) for k in range(1, len(ring) - 1)])
+
+
 def recess_opening(
-    opening: Polygon, charts: Charts, chart: int, wall: Float64Array, behind: list[Float64Array]
+    opening: Polygon, depth: float, charts: Charts, chart: int, wall: Float64Array, behind: list[Float64Array]
 ) -> RecessedOpening:
-    """Recess an opening as deep as there is room.
+    """Recess an opening by its depth, or less deep if there is no room.
 
     Parameters
     ----------
     opening : outline in the chart's frame.
+    depth : depth of the opening, metres.
     charts : charts of the mesh.
     chart : chart of the wall.
     wall : (k, 3) corners of the wall polygon, whose plane the opening takes.
-    behind : triangles (t, 3, 3) of all other surfaces of the building; the new faces are appended.
+    behind : triangles (t, 3, 3) of all other surfaces of the building.
     """
     flat = np.asarray(opening.exterior.coords)[:-1]
-    points = charts.points(chart, *flat.T)
-    out = charts.normals()[chart]
-    middle = wall.mean(axis=0)
-    _, _, axes = np.linalg.svd(wall - middle)
-    normal = axes[2]
-    points += np.outer((middle - points) @ normal / (out @ normal), out)
-    frame = np.stack([charts.axis_u[chart], charts.axis_v[chart], -out])
-    low = np.append(flat.min(axis=0), WALL_OPENINGS.min_recess_clearance_m)
-    origin = charts.points(chart, np.zeros(1), np.zeros(1))[0] + out * ((points[0] - charts.origin[chart]) @ out)
-    for depth in WALL_OPENINGS.recess_depths_m:
-        high = np.append(flat.max(axis=0), depth + WALL_OPENINGS.min_recess_clearance_m)
-        box = (low + high) / 2, (high - low) / 2
-        if not any(intersects_box((triangles - origin) @ frame.T, *box).any() for triangles in behind):
-            found = RecessedOpening(points, flat, depth, -out)
-            behind.append(np.concatenate([_fan(found.pane_ring), *(_fan(quad) for quad, _ in found.reveals())]))
-            return found
+    points, out = project_on_wall(charts, chart, wall, flat), charts.normals()[chart]
+    for inward in (depth, WALL_OPENINGS.shallow_recess_m):
+        if has_room(opening, -inward, charts, chart, points[0], behind):
+            return RecessedOpening(points, flat, inward, -out)
     return RecessedOpening(points, flat, 0.0, -out)
 
 
-def _fan(ring: Float64Array) -> Float64Array:
-    return np.stack([np.array([ring[0], ring[k], ring[k + 1]]) for k in range(1, len(ring) - 1)])
+def project_on_wall(charts: Charts, chart: int, wall: Float64Array, flat: Float64Array) -> Float64Array:
+    """Project places (n, 2) of a chart's frame on the mean plane of a wall polygon (k, 3), (n, 3)."""
+    points, out = charts.points(chart, *flat.T), charts.normals()[chart]
+    middle = wall.mean(axis=0)
+    _, _, axes = np.linalg.svd(wall - middle, full_matrices=False)
+    normal = axes[2]
+    points += np.outer((middle - points) @ normal / (out @ normal), out)
+    return points
+
+
+def has_room(
+    element: Polygon, outward: float, charts: Charts, chart: int, point: Float64Array, others: list[Float64Array]
+) -> bool:
+    """Return True if no surface is in the box between an element in its wall and in its depth.
+
+    Parameters
+    ----------
+    element : outline in the chart's frame.
+    outward : metres before the wall; negative behind it.
+    charts : charts of the mesh.
+    chart : chart of the wall.
+    point : (3,) point of the wall's plane.
+    others : triangles (t, 3, 3) of surfaces.
+    """
+    out, clearance = charts.normals()[chart], WALL_OPENINGS.min_recess_clearance_m
+    side = 1.0 if outward > 0 else -1.0
+    frame = np.stack([charts.axis_u[chart], charts.axis_v[chart], side * out])
+    origin = charts.origin[chart] + out * ((point - charts.origin[chart]) @ out)
+    x0, y0, x1, y1 = element.bounds
+    low, high = np.array([x0, y0, clearance]), np.array([x1, y1, abs(outward) + clearance])
+    box = (low + high) / 2, (high - low) / 2
+    return not any(intersects_box((triangles - origin) @ frame.T, *box).any() for triangles in others)
 
 
 def intersects_box(triangles: Float64Array, centre: Float64Array, half: Float64Array) -> BoolArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,8 +75,7 @@ class OpeningSettings:
     min_opening_width_m : minimum width of an opening, metres.
     wall_edge_m : distance of openings from the border of the wall, metres.
     opening_gap_m : distance between openings, metres.
-    recess_depths_m : depths of openings behind their wall in order of preference, metres; flush if neither has
-        room.
+    shallow_recess_m : depth of openings whose own depth has no room, metres; flush if this has none either.
     min_recess_clearance_m : minimum distance to surfaces behind the wall, metres.
     """
 
@@ -84,7 +84,7 @@ class OpeningSettings:
     min_opening_width_m: float = 0.15
     wall_edge_m: float = 0.05
     opening_gap_m: float = 0.06
-    recess_depths_m: tuple[float, float] = (0.15, 0.05)
+    shallow_recess_m: float = 0.05
     min_recess_clearance_m: float = 0.03
 
 
@@ -97,8 +97,6 @@ class BalconySettings:
 
     Attributes
     ----------
-    balcony_depth_m : depth of a balcony, metres.
-    narrow_balcony_depth_m : depth of a balcony before a single window, metres.
     min_wide_balcony_m : width from which a balcony has its full depth, metres.
     floor_thickness_m : thickness of a balcony's floor, metres.
     railing_thickness_m : thickness of a railing, metres.
@@ -107,8 +105,6 @@ class BalconySettings:
     sill_above_floor_m : height above the balcony's floor at which such a window ends, metres.
     """
 
-    balcony_depth_m: float = 0.9
-    narrow_balcony_depth_m: float = 0.35
     min_wide_balcony_m: float = 1.8
     floor_thickness_m: float = 0.15
     railing_thickness_m: float = 0.06
@@ -118,6 +114,38 @@ class BalconySettings:
 
 
 BALCONY_SHAPES = BalconySettings()
+
+
+class ElementDepth(NamedTuple):
+    """Depth of an element.
+
+    Attributes
+    ----------
+    outward_m : metres before the plane of the wall; negative behind it.
+    source : what the value rests on.
+    """
+
+    outward_m: float
+    source: str
+
+
+# A recess of a brick: London's Building Act of 1709 requires 4 inches (0.10 m), half a brick; Trafford's design code of
+# today 0.075 m. Stone and plaster of the 19th century are deeper.
+_RECESS = ElementDepth(-0.15, "assumed by class: between half a brick, 0.10 m, and a brick, 0.21 m")
+# Depths by class, and of balconies by width: the table of every model with elements as geometry.
+ELEMENT_DEPTHS = {
+    "window": _RECESS,
+    "door": _RECESS,
+    "shop": _RECESS,
+    "balcony": ElementDepth(0.9, "assumed by class and width: room for a chair"),
+    "narrow balcony": ElementDepth(0.35, "assumed by class and width: a step before a single window"),
+}
+
+
+def element_depth(label: str, width_m: float) -> ElementDepth:
+    """Return the depth of an element of a class and width; each balcony is wide or narrow."""
+    is_narrow = label == "balcony" and width_m < BALCONY_SHAPES.min_wide_balcony_m
+    return ELEMENT_DEPTHS["narrow balcony" if is_narrow else label]
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from facade_core.core.arrays import Int64Array, UInt8Array
 from facade_core.core.grouping import RowsByValue
-from facade_core.export.bodies.settings import WALL_OPENINGS
+from facade_core.export.bodies.settings import ELEMENT_DEPTHS
 from facade_core.export.factored.glb import FactoredPrimitive, encode_factored_glb
 from facade_core.export.factored.parts import (
     build_factored_primitives,
@@ -111,4 +111,4 @@ class FactoredLeafBuilder:
 
 def _recess_error() -> float:
     """Return the geometric error, metres, of a level without recesses."""
-    return WALL_OPENINGS.recess_depths_m[0] * ERROR_PIXELS / FACTORED_WALLS.min_recess_pixels
+    return -ELEMENT_DEPTHS["window"].outward_m * ERROR_PIXELS / FACTORED_WALLS.min_recess_pixels

@@ -14,8 +14,8 @@ from shapely import Polygon
 from facade_core.core.arrays import Float32Array, Float64Array, FloatArray, Int64Array, IntArray, ObjectArray
 from facade_core.core.linear_light import srgb_to_linear
 from facade_core.export.bodies.mouldings import WallBand
-from facade_core.export.bodies.recess import recess_opening
-from facade_core.export.bodies.settings import WALL_OPENINGS
+from facade_core.export.bodies.recess import project_on_wall, recess_opening
+from facade_core.export.bodies.settings import ELEMENT_DEPTHS, WALL_OPENINGS
 from facade_core.export.factored.library import mean_light
 from facade_core.export.factored.settings import FACTORED_WALLS, WALL_GRAINS
 from facade_core.export.factored.units import FacadeUnit, Rectangle
@@ -159,11 +159,7 @@ class _WallBuilder:
 
     def points(self, places: Float64Array) -> Float64Array:
         """Project places (n, 2) of the chart's frame on the plane of the polygon, (n, 3)."""
-        corners = self.plane.corners
-        points, out = self.charts.points(self.chart, *places.T), self.charts.normals()[self.chart]
-        middle = corners.mean(axis=0)
-        _, _, axes = np.linalg.svd(corners - middle, full_matrices=False)
-        return points + np.outer((middle - points) @ axes[2] / (out @ axes[2]), out)
+        return project_on_wall(self.charts, self.chart, self.plane.corners, places)
 
     def fill_band(self, band: WallBand, own: int | None, shade: Float32Array, free: shapely.Geometry) -> None:
         """Fill the free part of a band."""
@@ -222,9 +218,11 @@ class _WallBuilder:
             ):
                 continue
             pane = shapely.orient_polygons(pane.simplify(WALL_OPENINGS.wall_edge_m / 4), exterior_cw=True)
-            found = recess_opening(pane, self.charts, self.chart, self.plane.corners, behind)
+            depth = -ELEMENT_DEPTHS["window"].outward_m
+            found = recess_opening(pane, depth, self.charts, self.chart, self.plane.corners, behind)
             if not found.depth:
                 continue
+            behind.append(found.triangles())
             ring = ring.difference(pane)
             rows, columns = (
                 slice(max(0, round(low)), max(round(low), 0, round(high) - 1) + 1)

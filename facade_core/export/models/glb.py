@@ -63,7 +63,7 @@ class Primitive:
     uv : (v, 2) texture coordinates 0 to 1, u right and v down.
     triangles : (t, 3) vertex indices, counter-clockwise as seen from outside.
     material : index of the material.
-    tangent : (v, 3) unit vectors along u; only of materials with normal maps.
+    tangent : (v, 4) unit vectors along u with handedness; only of materials with normal maps.
     """
 
     position: Float32Array
@@ -136,7 +136,7 @@ def _add_vertices(buffer: GlbBuffer, primitives: Sequence[Primitive]) -> dict[st
         "position": [np.ascontiguousarray(p.position, "<f4") for p in primitives],
         "normal": [np.ascontiguousarray(p.normal, "<f4") for p in primitives],
         "uv": [np.ascontiguousarray(p.uv, "<f4") for p in primitives],
-        "tangent": [tangent_vectors(p.tangent) for p in primitives if p.tangent is not None],
+        "tangent": [np.ascontiguousarray(p.tangent, "<f4") for p in primitives if p.tangent is not None],
         "triangles": [np.ascontiguousarray(p.triangles, "<u4").reshape(-1, 1) for p in primitives],
     }
     first = {}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -71,6 +71,21 @@ def mesh_y_up_frame(mesh: Mesh) -> YUpFrame:
     return YUpFrame(np.append(((low + high) / 2)[:2].round(), np.floor(low[2])))
 
 
+class VertexFrames(NamedTuple):
+    """Frames of vertices that are not in the plane of their chart.
+
+    Attributes
+    ----------
+    normals : (v, 3) outward unit vectors.
+    coordinates : (v, 2) place that each shows, metres in the frame of its chart.
+    tangents : (v, 4) unit vector of the texture to the right; 1, or -1 where the texture is mirrored.
+    """
+
+    normals: Float64Array
+    coordinates: Float64Array
+    tangents: Float64Array
+
+
 @dataclass(frozen=True)
 class TexturedMesh:
     """Mesh whose charts have a raster each.
@@ -83,6 +98,7 @@ class TexturedMesh:
     texels : (n, 2) width and height of each raster.
     raster : returns the raster (h, w, 3) uint8 of a chart.
     maps : returns the maps of a chart; None if the mesh is not relit.
+    frames : frames of the vertices; None if all are in the plane of their chart.
     """
 
     charts: Charts
@@ -91,16 +107,25 @@ class TexturedMesh:
     texels: Int64Array
     raster: Callable[[int], UInt8Array]
     maps: Callable[[int], PbrMaps] | None = None
+    frames: VertexFrames | None = None
 
     @cached_property
     def normals(self) -> Float64Array:
         """Return the outward normal of every vertex, (v, 3)."""
-        return self.charts.normals()[self.mesh.vertex_chart]
+        return self.frames.normals if self.frames else self.charts.normals()[self.mesh.vertex_chart]
 
     @cached_property
     def coordinates(self) -> Float64Array:
-        """Return every vertex in the frame of its chart, (v, 2) metres."""
-        return self.mesh.chart_coordinates(self.charts)
+        """Return the place in the frame of its chart that every vertex shows, (v, 2) metres."""
+        return self.frames.coordinates if self.frames else self.mesh.chart_coordinates(self.charts)
+
+    @cached_property
+    def tangents(self) -> Float64Array:
+        """Return the tangent of every vertex and its handedness, (v, 4), see `VertexFrames`."""
+        if self.frames:
+            return self.frames.tangents
+        along = self.charts.axis_u[self.mesh.vertex_chart]
+        return np.column_stack([along, np.ones(len(along))])
 
     @cached_property
     def centres(self) -> Float64Array:
@@ -287,6 +312,11 @@ def draw_page_maps(
     return PbrMaps(normal, orm, emissive)
 
 
+def _turn_tangents(tangents: Float64Array, frame: ModelFrame) -> Float64Array:
+    """Turn tangents (v, 4) of the world to the frame of a model."""
+    return np.column_stack([frame.directions(tangents[:, :3]), tangents[:, 3]])
+
+
 def build_nodes(
     drawn: Sequence[PackedCharts], names: Mapping[int, str], frame: ModelFrame
 ) -> tuple[list[GltfNode], Float64Array]:
@@ -326,7 +356,7 @@ def build_nodes(
                     part.texture_coordinates(mesh.vertex_chart[used], source.coordinates[used]),
                     index.reshape(-1, 3),
                     before + shown,
-                    frame.directions(source.charts.axis_u[mesh.vertex_chart[used]]) if source.maps else None,
+                    _turn_tangents(source.tangents[used], frame) if source.maps else None,
                 )
             )
         before += len(part.layout.pages)

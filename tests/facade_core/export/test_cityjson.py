@@ -86,7 +86,7 @@ def test_windows_go_on_behind_the_railing_of_a_balcony() -> None:
         Element("window", 1.5, 0.2, 2.5, 1.2),  # a floor above
         Element("door", 6, 4, 7, 6),
     ]
-    found = extend_windows_behind_railings(seen, place_balconies(wall, seen))
+    found = extend_windows_behind_railings(seen, [box for _, box in place_balconies(wall, seen)])
     assert [e.y1 for e in found] == pytest.approx([4, 3.75, 3.75, 2.9, 1.2, 6])
     assert [(e.label, e.x0, e.y0, e.x1) for e in found] == [(e.label, e.x0, e.y0, e.x1) for e in seen]
     assert extend_windows_behind_railings(seen, []) == seen

@@ -97,7 +97,7 @@ def test_openings_are_as_deep_as_there_is_room(coloured: TexturedMesh) -> None:
     for gap, depth in ((0.3, 0.15), (0.1, 0.05), (0.04, 0.0)):
         behind = wall - gap * out
         triangles = behind[[[0, 1, 2], [0, 2, 3]]]
-        found = recess_opening(opening, charts, chart, wall, [triangles])
+        found = recess_opening(opening, 0.15, charts, chart, wall, [triangles])
         assert found.depth == depth
         np.testing.assert_allclose((wall[0] - found.pane_ring) @ out, depth, atol=1e-9)
         assert len(found.reveals()) == (4 if depth else 0)

@@ -6,9 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 import trimesh
 from PIL import Image
 
+from facade_core.core.errors import InputError
 from tasks.export.formats import export_run
 from tasks.publish.published_run import PublishedBlock
 
@@ -30,3 +32,24 @@ def test_an_obj_is_the_textured_model(
     for texture in textures:
         with Image.open(path.parent / texture) as image:
             assert image.format == "JPEG"
+
+
+def test_relief_adds_elements_to_the_buildings_alone(
+    undisturbed: tuple[Path, dict[str, Any]], found: PublishedBlock, tmp_path: Path
+) -> None:
+    flat, off, deep = (
+        trimesh.load(
+            Path(str(export_run(undisturbed[0], "glb", tmp_path / str(k), lit=False, **options).files[0])),
+            force="scene",
+        )
+        for k, options in enumerate(({}, {"relief": "off"}, {"relief": "elements"}))
+    )
+    assert (tmp_path / "0" / "block.glb").read_bytes() == (tmp_path / "1" / "block.glb").read_bytes()
+    assert set(deep.geometry) == set(flat.geometry) == set(off.geometry)
+    more = {name: len(part.faces) - len(flat.geometry[name].faces) for name, part in deep.geometry.items()}
+    elements = sum(len(found.elements(i)) for i in found.select_finished_facades(found.select_buildings(())))
+    assert 0 < sum(more.values()) <= 40 * elements
+    assert all(count == 0 for name, count in more.items() if name.startswith("ground"))
+    np.testing.assert_allclose(deep.bounds, flat.bounds, atol=1.0)
+    with pytest.raises(InputError, match="--relief: is of glb and obj and usd"):
+        export_run(undisturbed[0], "lod3", tmp_path / "lod3", relief="elements")

@@ -1,0 +1,191 @@
+"""Elements of textured walls in depth: closed, bounded, equal to the flat wall from the front."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+
+from facade_core.core.types import Element
+from facade_core.export.bodies.element_relief import place_elements
+from facade_core.export.bodies.settings import ELEMENT_DEPTHS
+from facade_core.export.bodies.textured_relief import add_relief
+from facade_core.export.models.textured_mesh import (
+    TexturedMesh,
+    build_nodes,
+    mesh_y_up_frame,
+    pack_charts_on_pages,
+)
+from facade_core.geometry.charts import ChartKind
+from facade_core.geometry.raycast import RayCaster
+
+WINDOW, BALCONY = Element("window", 1.0, 2.0, 2.5, 4.0), Element("balcony", 4.0, 3.0, 7.0, 4.0)
+ELEMENTS = [WINDOW, BALCONY, Element("shop", 3.0, 8.0, 7.0, 11.9), Element("door", 8.0, 9.5, 9.0, 12.0)]
+
+
+def wall_of(source: TexturedMesh) -> int:
+    """The longest wall of building 0."""
+    charts = source.charts
+    walls = np.flatnonzero((charts.building == 0) & (charts.kind == ChartKind.WALL))
+    return int(walls[np.argmax(charts.size[walls, 0])])
+
+
+def triangles_of(source: TexturedMesh, chart: int) -> np.ndarray:
+    return source.mesh.vertices[source.mesh.triangles[source.mesh.chart_triangles(chart)]]
+
+
+def edges_of(triangles: np.ndarray) -> Counter[tuple[tuple[float, ...], tuple[float, ...]]]:
+    rings = [[tuple(p) for p in ring] for ring in triangles.round(3).tolist()]
+    return Counter(edge for ring in rings for edge in zip(ring, ring[1:] + ring[:1], strict=True))
+
+
+def outline_of(triangles: np.ndarray) -> set[tuple[tuple[float, ...], tuple[float, ...]]]:
+    """The edges that only one triangle has."""
+    edges = edges_of(triangles)
+    return {(a, b) for a, b in edges if (b, a) not in edges}
+
+
+def test_openings_join_their_wall_without_gaps_and_its_outline_stays(coloured: TexturedMesh) -> None:
+    wall = wall_of(coloured)
+    flat = triangles_of(coloured, wall)
+    deep = triangles_of(add_relief(coloured, {wall: [e for e in ELEMENTS if e.label != "balcony"]}), wall)
+    assert set(edges_of(deep).values()) == {1}, "no edge twice in one direction"
+    assert outline_of(deep) == outline_of(flat), "each inner edge has a triangle on both sides"
+    out = coloured.charts.normals()[wall]
+    depth = ((deep - flat[0, 0]) @ out).min()
+    assert depth == pytest.approx(ELEMENT_DEPTHS["window"].outward_m, abs=1e-6)
+    assert len(deep) - len(flat) <= 3 * 40
+
+
+def test_a_balcony_is_a_box_open_to_its_wall(coloured: TexturedMesh) -> None:
+    wall = wall_of(coloured)
+    flat = triangles_of(coloured, wall)
+    deep = triangles_of(add_relief(coloured, {wall: [BALCONY]}), wall)
+    out = coloured.charts.normals()[wall]
+    height = (deep - flat[0, 0]) @ out
+    assert height.max() == pytest.approx(0.9, abs=1e-6)
+    body = deep[height.max(axis=1) > 1e-6]
+    assert len(body) <= 40
+    open_edges = {point for edge in outline_of(body) for point in edge}
+    assert np.abs((np.array(sorted(open_edges)) - flat[0, 0]) @ out).max() < 0.002, "open at the wall only"
+    assert not (height[height.max(axis=1) < 1e-6].min() < -1e-6)
+
+
+def test_cut_elements_and_those_without_room_stay_flat(coloured: TexturedMesh) -> None:
+    wall = wall_of(coloured)
+    width, height = coloured.charts.size[wall]
+    cut = [
+        Element("window", width - 1, 2, width + 1, 4),  # beyond the end of the wall
+        Element("window", 2, -1, 3, 1),  # above its top
+        Element("window", 5, 3, 6, 5),
+        Element("door", 5.5, 3, 6.5, 5.5),  # cuts the window
+    ]
+    placed = {(e.label, e.is_cut) for e in place_elements(shapely.box(0, 0, width, height), cut)}
+    assert placed == {("window", True), ("door", False)}
+    assert add_relief(coloured, {wall: cut[:2]}) is coloured
+    only_door, both = (add_relief(coloured, {wall: e}) for e in (cut[3:], cut[2:]))
+    np.testing.assert_array_equal(triangles_of(only_door, wall), triangles_of(both, wall))
+    assert add_relief(coloured, {}) is coloured
+
+
+def test_an_element_is_no_deeper_than_the_building(coloured: TexturedMesh) -> None:
+    wall = wall_of(coloured)
+    charts, mesh = coloured.charts, coloured.mesh
+    out = charts.normals()[wall]
+    other = int(
+        np.flatnonzero(mesh.chart == next(c for c in np.unique(mesh.chart) if charts.kind[c] == ChartKind.ROOF))[0]
+    )
+    for gap, depth in ((0.1, -0.05), (0.04, 0.0)):
+        corners = charts.points(wall, np.array([0.0, 9, 0]), np.array([0.0, 6, 12])) - gap * out
+        vertices = np.concatenate([mesh.vertices, corners])
+        triangles = mesh.triangles.copy()
+        triangles[other] = len(mesh.vertices) + np.arange(3)
+        near = replace(
+            coloured,
+            mesh=replace(
+                mesh,
+                vertices=vertices,
+                triangles=triangles,
+                vertex_chart=np.append(mesh.vertex_chart, [mesh.chart[other]] * 3).astype(np.int32),
+            ),
+        )
+        deep = triangles_of(add_relief(near, {wall: [WINDOW]}), wall)
+        assert ((deep - deep[0, 0]) @ out).min() == pytest.approx(depth, abs=1e-6)
+
+
+def test_a_balcony_stays_flat_before_another_building(coloured: TexturedMesh) -> None:
+    wall = wall_of(coloured)
+    charts, mesh = coloured.charts, coloured.mesh
+    shown = charts.points(wall, np.array([5.0, 6, 5]), np.array([3.2, 3.2, 3.8]))
+    other = int(np.flatnonzero(charts.building[mesh.chart] == 1)[0])
+    moved = int(mesh.chart[other])
+    for metres, is_flat in ((0.5, True), (2.0, False)):
+        # a chart of the other building, moved before the wall
+        corners = shown + metres * charts.normals()[wall]
+        origin = charts.origin.copy()
+        origin[moved] = corners[0]
+        triangles = mesh.triangles.copy()
+        triangles[other] = len(mesh.vertices) + np.arange(3)
+        near = replace(
+            coloured,
+            charts=replace(charts, origin=origin),
+            mesh=replace(
+                mesh,
+                vertices=np.concatenate([mesh.vertices, corners]),
+                triangles=triangles,
+                vertex_chart=np.append(mesh.vertex_chart, [moved] * 3).astype(np.int32),
+            ),
+        )
+        assert (add_relief(near, {wall: [BALCONY]}) is near) == is_flat
+
+
+def test_elements_in_any_order_give_the_same_mesh(coloured: TexturedMesh) -> None:
+    wall = wall_of(coloured)
+    one, other = (add_relief(coloured, {wall: elements}) for elements in (ELEMENTS, ELEMENTS[::-1]))
+    for a, b in zip(vars(one.mesh).values(), vars(other.mesh).values(), strict=False):
+        if isinstance(a, np.ndarray):
+            np.testing.assert_array_equal(a, b)
+    assert one.frames is not None
+    assert other.frames is not None
+    for a, b in zip(one.frames, other.frames, strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_from_the_front_each_place_shows_the_texel_of_the_flat_wall(coloured: TexturedMesh) -> None:
+    wall = wall_of(coloured)
+    deep = add_relief(coloured, {wall: ELEMENTS})
+    charts, out = coloured.charts, coloured.charts.normals()[wall]
+    width, height = charts.size[wall]
+    x, y = (side.ravel() for side in np.meshgrid(np.arange(0.203, width, 0.37), np.arange(0.207, height, 0.31)))
+    start = charts.points(wall, x, y) + 1.5 * out
+    depth, chart = RayCaster(deep.mesh).cast(start, np.broadcast_to(-out, start.shape))
+    assert (chart == wall).all(), "no hole"
+    assert depth.min() == pytest.approx(0.6, abs=1e-3)
+    assert depth.max() == pytest.approx(1.65, abs=1e-3)
+    # the nearest triangle that a ray meets shows the ray's own place
+    mesh = deep.mesh
+    own = mesh.chart_triangles(wall)
+    points, shown = mesh.vertices[mesh.triangles[own]], deep.coordinates[mesh.triangles[own]]
+    facing = np.einsum("ij,j->i", deep.normals[mesh.triangles[own][:, 0]], out) > 0.5
+    real = charts.coordinates(np.full(points[facing].size // 3, wall), points[facing].reshape(-1, 3))
+    np.testing.assert_allclose(shown[facing].reshape(-1, 2), real, atol=1e-6)
+
+
+def test_nodes_have_unit_frames_and_texture_coordinates_on_their_page(coloured: TexturedMesh) -> None:
+    wall = wall_of(coloured)
+    lit = replace(coloured, maps=lambda chart: pytest.fail("no map is drawn"))
+    deep = add_relief(lit, {wall: ELEMENTS})
+    drawn = pack_charts_on_pages(deep, deep.select_charts(np.array([0])))
+    (node,), _ = build_nodes([drawn], {0: "a"}, mesh_y_up_frame(coloured.mesh))
+    for primitive in node.primitives:
+        assert primitive.tangent is not None
+        along, hand = primitive.tangent[:, :3], primitive.tangent[:, 3]
+        np.testing.assert_allclose(np.linalg.norm(primitive.normal, axis=1), 1, atol=1e-6)
+        np.testing.assert_allclose(np.linalg.norm(along, axis=1), 1, atol=1e-6)
+        np.testing.assert_allclose((along * primitive.normal).sum(axis=1), 0, atol=1e-6)
+        assert set(hand.tolist()) == {1.0, -1.0}, "reveals are mirrored"
+        assert (primitive.uv >= 0).all()
+        assert (primitive.uv <= 1).all()
