@@ -13,8 +13,8 @@ import argparse
 import json
 from pathlib import Path
 
-import cv2
 import numpy as np
+from PIL import Image
 
 from benchmarks.stage_pictures import beside
 from facade_core.atlas.rasters import read_chart_raster
@@ -69,6 +69,8 @@ def main() -> None:
     for run in args.runs:
         with open_published_run(run) as block:
             found |= wall_rows(block, args.panoramas)
+    if not found:
+        parser.error("no panorama shows a wall of these runs")
     lines: list[list[np.ndarray]] = [[]]
     for row in found.values():
         if lines[-1] and sum(one.shape[1] + 24 for one in lines[-1]) + row.shape[1] > WIDTH:
@@ -81,7 +83,7 @@ def main() -> None:
     whole = np.vstack(
         [np.pad(line, ((0, 0), (0, width - line.shape[1]), (0, 0)), constant_values=255) for line in sheet]
     )
-    cv2.imwrite(str(args.sheet), np.ascontiguousarray(whole[..., ::-1]), [cv2.IMWRITE_JPEG_QUALITY, 80])
+    Image.fromarray(whole).save(args.sheet)
     print(json.dumps({"benchmark": "pictured_walls", "walls": list(found)}, indent=1))
 
 

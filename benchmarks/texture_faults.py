@@ -1,7 +1,8 @@
 """The rule of `quality` on textures: `python -m benchmarks.texture_faults` fits it on walls judged by eye, and tests it.
 
 texture_faults.json has each wall with its verdict (good, small flaws, bad), the reason, and the measures of its texture.
-The measures were chosen on the walls of `fitted`, and the rule is fitted on them; photos of `held_out` were judged after both.
+The measures were chosen on the walls of `fitted`, and the rule is fitted on them; photos of `held_out` were judged after both,
+and scored once before two measures became their product.
 `left_out`: each source of `fitted` by a rule that is fitted without it.
 --data: measure the photos again. --runs: take the measures of walls from the records of runs of the example blocks.
 """

@@ -48,9 +48,7 @@ class ExternalNetwork:
             return dict(zip(names, self.session.run(names, inputs), strict=True))
         except Exception as error:  # the runtime has no public root for its errors
             height, width = next(iter(inputs.values())).shape[2:]
-            raise ModelFileError(
-                f"{self.path}: fails on a picture of {width} x {height} pixels; export it with a fixed size"
-            ) from error
+            raise ModelFileError(f"{self.path}: fails on a picture of {width} x {height} pixels; {REMEDY}") from error
 
 
 def file_stamp(path: Path) -> tuple[int, int]:
@@ -85,7 +83,7 @@ def open_network(path: Path, channels: Mapping[str, int]) -> ExternalNetwork:
     if len(nodes) != len(channels) or len(sizes) != 1 or () in sizes:
         found = ", ".join(f"{node.name} {node.shape} {node.type}" for node in nodes)
         wanted = ", ".join(f"{name} [1, {count}, height, width] tensor(float)" for name, count in channels.items())
-        raise ModelFileError(f"{path}: its inputs are {found}, not {wanted}; {REMEDY}")
+        raise ModelFileError(f"{path}: its inputs are {found}, not {wanted}; both sides fixed, or both free; {REMEDY}")
     (size,) = sizes
     return ExternalNetwork(path, session, None if size is None else (size[0], size[1]))
 

@@ -173,7 +173,17 @@ def _cut_part(photo: Evidence, bounds: tuple[int, int, int, int]) -> Evidence:
     parsing = Parsing(photo.parsing.labels[part], photo.parsing.confidence[part], photo.parsing.occluded[part])
     observed = tuple(elements(replace(parsing, occluded=hidden)))
     image = np.ascontiguousarray(photo.image[part])
-    return replace(photo, image=image, parsed=parsing, hidden=hidden, elements=observed, masked=())
+    outside = None if photo.outside is None else photo.outside[part]
+    return replace(
+        photo,
+        image=image,
+        parsed=parsing,
+        hidden=hidden,
+        outside=outside,
+        segmentation=None,
+        elements=observed,
+        masked=(),
+    )
 
 
 def _seen_part(photo: Evidence, outside: BoolArray) -> tuple[int, int, int, int]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -86,17 +87,29 @@ def load_semantic_network(path: Path) -> SemanticNetwork:
 def _cached_network(path: Path, _stamp: tuple[int, int]) -> SemanticNetwork:
     network = open_network(path, {"pixel_values": 3})
     outputs = _run(network, np.zeros((*(network.size or (256, 256)), 3), np.uint8))
-    if outputs.keys() >= {_CLASS_QUERIES, _MASK_QUERIES}:
-        count = outputs[_CLASS_QUERIES].shape[-1] - 1
-    elif _LOGITS in outputs:
-        count = outputs[_LOGITS].shape[1]
-    else:
+    count = _count_classes(outputs)
+    if count is None:
+        found = ", ".join(f"{name} {value.shape} {value.dtype}" for name, value in outputs.items())
         raise ModelFileError(
-            f"{path}: its outputs are {', '.join(outputs)}, not {_LOGITS}, or {_CLASS_QUERIES} and {_MASK_QUERIES}; {REMEDY}"
+            f"{path}: its outputs are {found}, not {_LOGITS} (1, C, h, w), or {_CLASS_QUERIES} (1, Q, C + 1) and "
+            f"{_MASK_QUERIES} (1, Q, h, w), finite float32; {REMEDY}"
         )
     if count not in CLASSES_BY_COUNT:
         raise ModelFileError(f"{path}: has {count} classes; give a network of {DATA_SETS}")
     return SemanticNetwork(network, CLASSES_BY_COUNT[count])
+
+
+def _count_classes(outputs: Mapping[str, Float32Array]) -> int | None:
+    """Return the number of classes in the outputs of a network; None where these are others."""
+    names = [_CLASS_QUERIES, _MASK_QUERIES] if outputs.keys() >= {_CLASS_QUERIES, _MASK_QUERIES} else [_LOGITS]
+    used = [outputs[name] for name in names if name in outputs]
+    if not used or any(value.dtype != np.float32 or not np.isfinite(value).all() for value in used):
+        return None
+    if used[-1].ndim != 4:
+        return None
+    if len(used) == 1:
+        return int(used[0].shape[1])
+    return int(used[0].shape[2]) - 1 if used[0].ndim == 3 and used[0].shape[1] == used[1].shape[1] else None
 
 
 def _run(network: ExternalNetwork, image: UInt8Array) -> dict[str, Float32Array]:

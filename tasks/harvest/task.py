@@ -11,10 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from catalogs.published.folders import write_atomically
-from catalogs.readers.pictures.decoding import Picture
 from catalogs.readers.pictures.embedded_poses import read_panorama_view
 from facade_core.core.arrays import UInt8Array
-from facade_core.core.errors import FacadeError
+from facade_core.core.errors import FacadeError, ImageError
 from facade_core.core.name_hash import hash_name
 from facade_core.core.resizing import resize_image, resize_with_labels
 from facade_core.export.pictures.rendering import encode_image
@@ -45,13 +44,13 @@ class PhotoView(NamedTuple):
     name : name of its candidate.
     image : (h, w, 4) uint8.
     focal : focal length in pixels; None if unknown.
-    picture : whole picture, which shows the sky where a view of a near wall does not.
+    night : why the whole picture, with its sky, is not of the day; None if it is.
     """
 
     name: str
     image: UInt8Array
     focal: float | None
-    picture: Picture
+    night: ImageError | None
 
 
 def harvest_picture(path: Path, name: str, digest: str, key: str, out: Path) -> PictureRecord:
@@ -89,13 +88,18 @@ def harvest_picture(path: Path, name: str, digest: str, key: str, out: Path) -> 
 def _read_views(path: Path, name: str) -> Iterator[PhotoView]:
     """Read a picture as the photos that it consists of: a panorama is cut to views."""
     picture = read_photo(path)
+    night = None
+    try:
+        check_daylight(picture.rgb, picture.hidden, picture.state.exposure)
+    except ImageError as error:
+        night = error
     part = read_panorama_view(path)
     if part is not None and _is_panorama(picture.rgb, part):
         for view in cut_panorama_views(picture.rgb, part):
-            yield PhotoView(f"{name}-{view.heading:03.0f}", view.image, view.focal, picture)
+            yield PhotoView(f"{name}-{view.heading:03.0f}", view.image, view.focal, night)
         return
     alpha = np.where(picture.hidden, 0, 255).astype(np.uint8)
-    yield PhotoView(name, np.dstack([picture.rgb, alpha]), picture.state.focal_px, picture)
+    yield PhotoView(name, np.dstack([picture.rgb, alpha]), picture.state.focal_px, night)
 
 
 def _is_panorama(image: UInt8Array, part: tuple[float, float, float, float]) -> bool:
@@ -111,9 +115,9 @@ def _is_panorama(image: UInt8Array, part: tuple[float, float, float, float]) -> 
 
 def _harvest_view(view: PhotoView, file: str, out: Path) -> CandidateRecord:
     """Harvest the facade of one view, and write it; one in which none is found is written small."""
-    whole = view.picture
     try:
-        check_daylight(whole.rgb, whole.hidden, whole.state.exposure)
+        if view.night is not None:
+            raise view.night
         found = harvest_facade(view.image, view.focal, seed=hash_name(view.name))
         texture, labels = _at_style_density(found)
         look = style_descriptor(texture, labels, 1 / STYLE_PIXELS_PER_METRE)

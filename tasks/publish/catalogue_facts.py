@@ -41,11 +41,13 @@ class CataloguedModel:
     path : file of the model.
     title : title in the catalogue.
     trained_on : licence by data set.
+    id : id in the catalogue; that of the file's name if empty.
     """
 
     path: Path
     title: str
     trained_on: Mapping[str, str]
+    id: str = ""
 
     @property
     def card(self) -> Path:
@@ -199,20 +201,21 @@ def models_used(run: Run, facades: Records) -> list[ModelFacts]:
             if own.layout_network is not None:
                 used.append(_custom_model(own.layout_network, network))
         used += [
-            CataloguedModel(path, f"{name} network of the block", {})
+            CataloguedModel(path, f"{name} network of the block", {}, name)
             for name, path in (("segmentation", own.segmentation), ("inpainting", own.inpainting))
             if path is not None
         ]
     found = []
     for model in used:
-        data = model.path.read_bytes()
+        with model.path.open("rb") as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
         found.append(
             ModelFacts(
-                id=model.path.stem,
+                id=model.id or model.path.stem,
                 title=model.title,
                 file=model.path.relative_to(_ROOT).as_posix() if model.path.is_relative_to(_ROOT) else model.path.name,
-                size=len(data),
-                sha256=hashlib.sha256(data).hexdigest(),
+                size=model.path.stat().st_size,
+                sha256=digest,
                 card=model.card if model.card.is_file() else None,
                 trained_on=model.trained_on,
             )

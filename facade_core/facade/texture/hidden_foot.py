@@ -42,8 +42,8 @@ class HiddenFoot(NamedTuple):
     top : its first row.
     start : row at which the first repetition begins, at or above `top`.
     storey : storey that is repeated, or that is as high as the ground floor.
-    ground : first row below the ground.
-    ground_floor : first row of the lower part of shops or doors above the foot, which goes on; None without any.
+    ground : first row of bare wall, below the ground or of a foot too low for a storey.
+    ground_floor : first row of the lower part of a ground floor above the foot, which goes on; None without any.
     """
 
     top: int
@@ -82,7 +82,11 @@ def find_hidden_foot(
     storey = None if found is None else _choose_storey(found, hidden, shown)
     if found is None or storey is None or height - top < HIDDEN_FOOT.min_height_storeys * storey.height:
         return None
-    ground = height if outside is None else top + _count_rows_above_ground(outside[top:, is_seen])
+    ground = height
+    if outside is not None:
+        own = outside[:, is_seen]
+        own = own[:, ~own[max(0, top - storey.height)]]  # without neighbours
+        ground = top + _count_rows_above_ground(own[top:])
     ground_floor = _find_ground_floor(shown, hidden, found, storey.height)
     if ground_floor is not None:
         return HiddenFoot(top, top, storey, ground, (ground_floor + top) // 2)
@@ -151,7 +155,7 @@ def _wall_colours(image: UInt8Array, hidden: BoolArray, labels: UInt8Array, foot
 def _count_rows_above_ground(outside: BoolArray) -> int:
     """Return the median number of rows above the street over the columns of a foot (h, w) that show it; h if few do."""
     shows = outside.any(axis=0)
-    if shows.mean() < HIDDEN_FOOT.min_street_columns:
+    if not shows.any() or shows.mean() < HIDDEN_FOOT.min_street_columns:
         return len(outside)
     return int(np.median(outside.argmax(axis=0)[shows]))
 
@@ -165,12 +169,17 @@ def _back_and_forth(first: int, last: int, count: int) -> Int64Array:
 def _find_ground_floor(labels: UInt8Array, hidden: BoolArray, found: FloorsAndBays, storey: int) -> int | None:
     """Return the first row of a ground floor at the lower end of labels (h, w), None without any there.
 
-    It has shops or doors, or windows in other places than the storeys above.
+    It has shops or doors, higher windows, or windows in other places than the storeys above.
     """
     share = np.isin(labels, (FacadeClass.SHOP, FacadeClass.DOOR)).mean(axis=1) >= HIDDEN_FOOT.min_ground_floor_share
-    *others, last = [(labels[first:last] == FacadeClass.WINDOW).mean(axis=0) for first, last in found.floors]
-    shown = hidden[slice(*found.floors[-1])].mean(axis=0) <= HIDDEN_FOOT.max_hidden_source_share
-    if _correlate(last[shown], np.median(others, axis=0)[shown]) < HIDDEN_FOOT.min_correlation:
+    heights = [last - first for first, last in found.floors]
+    seen = hidden[slice(*found.floors[-1])].mean(axis=0) <= HIDDEN_FOOT.max_hidden_source_share
+    *others, lowest = [(labels[first:last] == FacadeClass.WINDOW).mean(axis=0)[seen] for first, last in found.floors]
+    usual = np.median(others, axis=0)
+    has_bays = seen.any() and max(usual.std(), lowest.std()) > 0
+    if heights[-1] > HIDDEN_FOOT.usual_windows[1] * np.median(heights) or (
+        has_bays and _correlate(lowest, usual) < HIDDEN_FOOT.min_correlation
+    ):
         share[slice(*found.floors[-1])] = True
     below = int(np.argmax(share[::-1])) if share.any() else storey
     if below >= HIDDEN_FOOT.max_plinth_storeys * storey:

@@ -23,8 +23,8 @@ _STRIDE = 8
 _MAX_FREE_SIDE = 1024
 # A crop is at least so many times as long as the hole in it: the network needs what is around.
 _CONTEXT = 2
-# Mean output of a grey picture above which values run to 255, not to 1.
-_MAX_UNIT_MEAN = 2.0
+# Mean output of a grey picture, as a share of white.
+_GREY_RANGE = (0.2, 0.8)
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +82,11 @@ def _cached_network(path: Path, _stamp: tuple[int, int]) -> InpaintingNetwork:
     grey = np.full((*(network.size or (256, 256)), 3), 128, np.uint8)
     hole = np.zeros(grey.shape[:2], bool)
     hole[: len(hole) // 4] = True
-    return InpaintingNetwork(network, 255.0 if _run(network, grey, hole).mean() > _MAX_UNIT_MEAN else 1.0)
+    mean = float(_run(network, grey, hole).mean())
+    for highest in (1.0, 255.0):
+        if _GREY_RANGE[0] <= mean / highest <= _GREY_RANGE[1]:
+            return InpaintingNetwork(network, highest)
+    raise ModelFileError(f"{path}: makes {mean:.2f} of a grey picture, not about .5 or 128; {REMEDY}")
 
 
 def _run(network: ExternalNetwork, image: UInt8Array, hidden: BoolArray) -> Float32Array:

@@ -50,6 +50,6 @@ def shadow_share(image: UInt8Array, labels: UInt8Array) -> float:
     dark = wall & (brightness < np.quantile(brightness[wall], _SUNLIT_QUANTILE) * _SHADOW_RATIO)
     # Shadows continue over windows and doors.
     nearest = ndimage.distance_transform_edt(~wall, return_distances=False, return_indices=True)
-    least = max(2, round(_MIN_SHADOW_STOREYS * height / max(1, count_floors(labels)) / side))
+    least = min(len(dark), max(2, round(_MIN_SHADOW_STOREYS * height / max(1, count_floors(labels)) / side)))
     parts, _ = ndimage.label(ndimage.binary_opening(dark[tuple(nearest)], np.ones((least, 2))))
     return float(np.bincount(parts[wall], minlength=2)[1:].max() / wall.sum())

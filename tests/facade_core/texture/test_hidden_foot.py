@@ -151,6 +151,25 @@ def test_below_the_ground_no_flats_are_repeated(storeys_above: int) -> None:
     assert not missing[ground + 1 + FLOOR // 10 :].any()
 
 
+def test_neighbours_beside_a_hidden_foot_say_nothing_of_the_ground() -> None:
+    """Nothing but a neighbour that stands before a third of the wall, from above the foot down, is outside."""
+    top = HEIGHT - round(2.5 * FLOOR)
+    outside = np.zeros((HEIGHT, WIDTH), bool)
+    outside[top - 2 * FLOOR :, : WIDTH // 3] = True
+    foot = find_hidden_foot(DRAWN.image, hide(top), DRAWN.labels, outside)
+    assert foot is not None
+    assert foot.ground == HEIGHT
+
+
+def test_leaves_over_the_last_windows_make_no_ground_floor() -> None:
+    hidden = hide(HEIGHT - round(1.5 * FLOOR))
+    last = HEIGHT - 2 * FLOOR + 10  # the windows above the foot
+    hidden[last : last + 4] = True
+    foot = find_hidden_foot(DRAWN.image, hidden, DRAWN.labels)
+    assert foot is not None
+    assert foot.ground_floor is None
+
+
 def test_columns_that_no_row_shows_say_nothing_of_a_foot() -> None:
     """A third of the facade is seen, and its foot is hidden."""
     hidden = hide(HEIGHT - round(1.75 * FLOOR))
