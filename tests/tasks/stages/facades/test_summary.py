@@ -33,10 +33,10 @@ def of_exemplar() -> Facade:
 
 def test_what_is_seen_is_told_from_what_is_made_up() -> None:
     whole = _summarize(
-        build_facade_from_photo(Evidence(image=PAINTED.image, hidden=np.zeros_like(HIDDEN), is_clean=True))
+        build_facade_from_photo(Evidence(image=PAINTED.image, hidden=np.zeros_like(HIDDEN), is_clean=True)), 1 / 0.06
     )
-    half = _summarize(build_facade_from_photo(Evidence(image=PAINTED.image, hidden=HIDDEN, is_clean=True)))
-    made = _summarize(of_exemplar())
+    half = _summarize(build_facade_from_photo(Evidence(image=PAINTED.image, hidden=HIDDEN, is_clean=True)), 1 / 0.06)
+    made = _summarize(of_exemplar(), 1 / 0.06)
     assert whole["windows_seen"] == whole["windows"] > 0
     assert 0 < half["windows_seen"] < half["windows"]
     assert made["windows_seen"] == 0 < made["windows"]
@@ -48,7 +48,7 @@ def test_what_is_seen_is_told_from_what_is_made_up() -> None:
 
 
 def test_shops_are_stretches_and_have_a_width() -> None:
-    made = _summarize(of_exemplar())
+    made = _summarize(of_exemplar(), 1 / 0.06)
     shops = [element for element in made["elements"] if element[0] == "shop"]
     assert made["shops"] == len(shops) > 0
     assert made["shop_width"] == pytest.approx(sum(x1 - x0 for _, x0, _, x1, _, _ in shops) / 334, abs=0.02)
