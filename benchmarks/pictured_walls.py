@@ -2,9 +2,9 @@
 
     python -m benchmarks.pictured_walls OUT... --panoramas DIR --sheet FILE
 
-Of each facade of published blocks that is textured from panoramas and is at least MIN_WIDTH_M wide: what its first panorama
-shows of it by the stated pose, what the run takes from its panoramas (what is hidden is dark), and the texture. Prints the ids
-of the walls, from the upper left to the lower right.
+A row of three pictures for each facade that is textured from panoramas and is at least MIN_WIDTH_M wide: the view of its first
+panorama by the stated pose, the evidence of the run (hidden parts are dark), and the texture. Prints the ids of the walls, from
+the upper left to the lower right.
 """
 
 from __future__ import annotations

@@ -428,8 +428,8 @@ class ModelsSection(Section):
     segmentation: Annotated[
         Text | None,
         Key(
-            "An .onnx of semantic segmentation with the classes of Cityscapes, ADE20K or Mapillary Vistas: finds what is "
-            "in front of walls, in place of the parser ([how](../networks.md)).",
+            "An .onnx of semantic segmentation with the classes of Cityscapes, ADE20K or Mapillary Vistas: finds occluders "
+            "in place of the parser ([how](../networks.md)).",
             path=PathKind.FILE,
         ),
     ] = None

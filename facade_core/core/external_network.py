@@ -51,19 +51,6 @@ class ExternalNetwork:
             raise ModelFileError(f"{self.path}: fails on a picture of {width} x {height} pixels; {REMEDY}") from error
 
 
-def file_stamp(path: Path) -> tuple[int, int]:
-    """Return time and size of a file, by which a changed one is loaded again.
-
-    Raises
-    ------
-    ModelFileError
-        If it is missing.
-    """
-    if not path.is_file():
-        raise ModelFileError(f"{path}: no such file; name the .onnx file")
-    return path.stat().st_mtime_ns, path.stat().st_size
-
-
 def open_network(path: Path, channels: Mapping[str, int]) -> ExternalNetwork:
     """Open an .onnx file whose inputs are pictures (1, channels, H, W) float32.
 

@@ -20,18 +20,19 @@ _REMEDY = "train it anew with this version"
 _FATAL_ONLY = 4
 
 
-def file_stamps(path: Path) -> tuple[tuple[int, int], ...]:
-    """Return modification times and sizes of both files.
+def file_stamps(path: Path, *, has_record: bool = True) -> tuple[tuple[int, int], ...]:
+    """Return modification times and sizes of an .onnx file and its record, by which a changed one is loaded again.
 
     Raises
     ------
     ModelError
         Where one of the files is missing.
     """
-    files = (path, path.with_suffix(".json"))
+    files = (path, path.with_suffix(".json")) if has_record else (path,)
     for file in files:
         if not file.is_file():
-            raise ModelFileError(f"{file}: no such file; a parser model is an .onnx file with its .json beside it")
+            remedy = "a parser model is an .onnx file with its .json beside it" if has_record else "name the .onnx file"
+            raise ModelFileError(f"{file}: no such file; {remedy}")
     return tuple((file.stat().st_mtime_ns, file.stat().st_size) for file in files)
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
 from facade_core.core.arrays import AnyArray, BoolArray, UInt8Array
 from facade_core.core.types import Box, Element, Parsing, Pose
 from facade_core.facade.layout.visible_region import dilate_hidden_by_window, visible_region_boxes
@@ -66,6 +68,11 @@ class Evidence:
         """Return the parse of an observed picture."""
         assert self.parsed is not None, "the picture is not observed"
         return self.parsed
+
+    @property
+    def surroundings(self) -> BoolArray:
+        """Return `outside`, empty where there is none."""
+        return np.zeros_like(self.hidden) if self.outside is None else self.outside
 
     def visible_boxes(self) -> list[tuple[float, float, float, float]]:
         """Return the visible part as `complete` takes it."""

@@ -104,7 +104,7 @@ def harvest_facade(
     _require_size(cut.hidden)
     image, hidden, outside = _limit_size(cut.image, cut.hidden, cut.outside)
     evidence = Evidence(image=image, hidden=hidden, outside=outside, segmentation=cut.segmentation)
-    observed = _trim(observe_photo(evidence), outside)
+    observed = _trim(observe_photo(evidence))
     image = observed.image
     _require_size(observed.hidden)
     labels = fill_sky_and_unknown(observed.parsing.labels)
@@ -154,12 +154,10 @@ def _limit_size(image: UInt8Array, hidden: BoolArray, outside: BoolArray) -> tup
     return resize_image(image, size), hidden, outside
 
 
-def _trim(photo: Evidence, outside: BoolArray) -> Evidence:
+def _trim(photo: Evidence) -> Evidence:
     """Trim borders that show no facade, bays and floors that the picture cuts through, neighbours, and sky above the eaves."""
     for find_part in (_seen_part, _whole_part, _own_part, _part_below_sky):
-        y0, y1, x0, x1 = find_part(photo, outside)
-        photo = _cut_part(photo, (y0, y1, x0, x1))
-        outside = outside[y0:y1, x0:x1]
+        photo = _cut_part(photo, find_part(photo))
     return photo
 
 
@@ -173,20 +171,11 @@ def _cut_part(photo: Evidence, bounds: tuple[int, int, int, int]) -> Evidence:
     parsing = Parsing(photo.parsing.labels[part], photo.parsing.confidence[part], photo.parsing.occluded[part])
     observed = tuple(elements(replace(parsing, occluded=hidden)))
     image = np.ascontiguousarray(photo.image[part])
-    outside = None if photo.outside is None else photo.outside[part]
-    return replace(
-        photo,
-        image=image,
-        parsed=parsing,
-        hidden=hidden,
-        outside=outside,
-        segmentation=None,
-        elements=observed,
-        masked=(),
-    )
+    cut = replace(photo, image=image, parsed=parsing, hidden=hidden, elements=observed, masked=())
+    return replace(cut, outside=photo.surroundings[part], segmentation=None)
 
 
-def _seen_part(photo: Evidence, outside: BoolArray) -> tuple[int, int, int, int]:
+def _seen_part(photo: Evidence) -> tuple[int, int, int, int]:
     """Rows and columns from the first to the last that are mostly seen; all if none is."""
     spans: list[int] = []
     for axis in (1, 0):
@@ -195,7 +184,7 @@ def _seen_part(photo: Evidence, outside: BoolArray) -> tuple[int, int, int, int]
     return spans[0], spans[1], spans[2], spans[3]
 
 
-def _whole_part(photo: Evidence, outside: BoolArray) -> tuple[int, int, int, int]:
+def _whole_part(photo: Evidence) -> tuple[int, int, int, int]:
     """Rows and columns without the bays and the top floor that the borders cut through."""
     labels = photo.parsing.labels
     height, width = labels.shape
@@ -210,16 +199,16 @@ def _whole_part(photo: Evidence, outside: BoolArray) -> tuple[int, int, int, int
     return y0, height, x0, x1
 
 
-def _own_part(photo: Evidence, outside: BoolArray) -> tuple[int, int, int, int]:
+def _own_part(photo: Evidence) -> tuple[int, int, int, int]:
     """Rows and columns without the neighbours."""
     labels = fill_sky_and_unknown(photo.parsing.labels)
-    return 0, len(labels), *find_own_columns(photo.image, labels, photo.hidden, outside)
+    return 0, len(labels), *find_own_columns(photo.image, labels, photo.hidden, photo.surroundings)
 
 
-def _part_below_sky(photo: Evidence, outside: BoolArray) -> tuple[int, int, int, int]:
+def _part_below_sky(photo: Evidence) -> tuple[int, int, int, int]:
     """Rows and columns without sky above the eaves."""
     labels = fill_sky_and_unknown(photo.parsing.labels)
-    return count_sky_rows(photo.image, labels, photo.hidden, outside), len(labels), 0, labels.shape[1]
+    return count_sky_rows(photo.image, labels, photo.hidden, photo.surroundings), len(labels), 0, labels.shape[1]
 
 
 def _whole_columns(structure: FloorsAndBays, margin: float, width: int) -> tuple[int, int]:

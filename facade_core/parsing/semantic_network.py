@@ -13,8 +13,9 @@ from scipy import special
 
 from facade_core.core.arrays import Float32Array, UInt8Array
 from facade_core.core.errors import ModelFileError
-from facade_core.core.external_network import REMEDY, ExternalNetwork, file_stamp, open_network
+from facade_core.core.external_network import REMEDY, ExternalNetwork, open_network
 from facade_core.core.fixed_order import multiply_matrices
+from facade_core.core.model_file import file_stamps
 from facade_core.parsing.network import COARSEST_STRIDE, Network
 from facade_core.parsing.segmentation import Segmentation
 from facade_core.parsing.semantic_classes import CLASSES_BY_COUNT, DATA_SETS, SemanticClasses
@@ -80,11 +81,11 @@ def load_semantic_network(path: Path) -> SemanticNetwork:
     ModelFileError
         If the file cannot be used.
     """
-    return _cached_network(path.resolve(), file_stamp(path))
+    return _cached_network(path.resolve(), file_stamps(path, has_record=False))
 
 
 @functools.lru_cache(maxsize=2)
-def _cached_network(path: Path, _stamp: tuple[int, int]) -> SemanticNetwork:
+def _cached_network(path: Path, _stamps: tuple[tuple[int, int], ...]) -> SemanticNetwork:
     network = open_network(path, {"pixel_values": 3})
     outputs = _run(network, np.zeros((*(network.size or (256, 256)), 3), np.uint8))
     count = _count_classes(outputs)

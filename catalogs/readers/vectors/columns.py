@@ -41,16 +41,16 @@ def tags_from_records(
     units : units of the columns.
     """
 
-    def fields_of(names: Sequence[str]) -> list[tuple[str, str]]:
+    def select_columns(names: Sequence[str]) -> list[tuple[str, str]]:
         return [(name, columns[name]) for name in names if name in columns]
 
     layer = _LayerColumns(
-        {tag: fields_of(names) for tag, names in TAG_COLUMNS.items()},
-        fields_of(EXTRA_TAG_COLUMNS),
-        fields_of(CLASS_COLUMNS),
-        fields_of(ROOF_LEVEL_COLUMNS),
-        fields_of(GROUND_LEVEL_COLUMNS),
-        fields_of(GROUND_COLUMNS),
+        {tag: select_columns(names) for tag, names in TAG_COLUMNS.items()},
+        select_columns(EXTRA_TAG_COLUMNS),
+        select_columns(CLASS_COLUMNS),
+        select_columns(ROOF_LEVEL_COLUMNS),
+        select_columns(GROUND_LEVEL_COLUMNS),
+        select_columns(GROUND_COLUMNS),
         units,
     )
     result = []

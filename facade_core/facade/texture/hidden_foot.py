@@ -82,11 +82,7 @@ def find_hidden_foot(
     storey = None if found is None else _choose_storey(found, hidden, shown)
     if found is None or storey is None or height - top < HIDDEN_FOOT.min_height_storeys * storey.height:
         return None
-    ground = height
-    if outside is not None:
-        own = outside[:, is_seen]
-        own = own[:, ~own[max(0, top - storey.height)]]  # without neighbours
-        ground = top + _count_rows_above_ground(own[top:])
+    ground = height if outside is None else _find_ground(outside[:, is_seen], top, storey.height)
     ground_floor = _find_ground_floor(shown, hidden, found, storey.height)
     if ground_floor is not None:
         return HiddenFoot(top, top, storey, ground, (ground_floor + top) // 2)
@@ -152,12 +148,14 @@ def _wall_colours(image: UInt8Array, hidden: BoolArray, labels: UInt8Array, foot
     return np.rint(colours).astype(np.uint8)
 
 
-def _count_rows_above_ground(outside: BoolArray) -> int:
-    """Return the median number of rows above the street over the columns of a foot (h, w) that show it; h if few do."""
-    shows = outside.any(axis=0)
+def _find_ground(outside: BoolArray, top: int, storey: int) -> int:
+    """Return the median first row of street over the columns that show it below a row; the height (h, w) if few do."""
+    is_neighbour = outside[max(0, top - storey)]
+    below = outside[top:, ~is_neighbour]
+    shows = below.any(axis=0)
     if not shows.any() or shows.mean() < HIDDEN_FOOT.min_street_columns:
         return len(outside)
-    return int(np.median(outside.argmax(axis=0)[shows]))
+    return top + int(np.median(below.argmax(axis=0)[shows]))
 
 
 def _back_and_forth(first: int, last: int, count: int) -> Int64Array:

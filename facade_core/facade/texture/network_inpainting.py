@@ -15,7 +15,8 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float32Array, UInt8Array
 from facade_core.core.errors import ModelFileError
-from facade_core.core.external_network import REMEDY, ExternalNetwork, file_stamp, open_network
+from facade_core.core.external_network import REMEDY, ExternalNetwork, open_network
+from facade_core.core.model_file import file_stamps
 
 # Sides of a picture are multiples of this, where the network leaves them free,
 _STRIDE = 8
@@ -73,11 +74,11 @@ def load_inpainting_network(path: Path) -> InpaintingNetwork:
     ModelFileError
         If the file cannot be used.
     """
-    return _cached_network(path.resolve(), file_stamp(path))
+    return _cached_network(path.resolve(), file_stamps(path, has_record=False))
 
 
 @functools.lru_cache(maxsize=2)
-def _cached_network(path: Path, _stamp: tuple[int, int]) -> InpaintingNetwork:
+def _cached_network(path: Path, _stamps: tuple[tuple[int, int], ...]) -> InpaintingNetwork:
     network = open_network(path, {"image": 3, "mask": 1})
     grey = np.full((*(network.size or (256, 256)), 3), 128, np.uint8)
     hole = np.zeros(grey.shape[:2], bool)

@@ -18,6 +18,7 @@ class PoseFieldsFromBundle(TypedDict, total=False):
     moved_m: float | None
     turned_deg: float | None
     residual_deg: float | None
+    fit: float | None
     over_ground_m: float | None
     squares: list[list[int]]
 

@@ -86,6 +86,7 @@ def _refined_fields(scene: Scene, one: BundlePanorama, found: JointPose) -> Pose
         "moved_m": _round_finite(float(np.linalg.norm(camera_position(found.pose) - camera_position(one.given)))),
         "turned_deg": _round_finite(float(np.degrees(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1))))),
         "residual_deg": _round_finite(found.residual_degrees),
+        "fit": None,  # that is of the pose refined alone
         "over_ground_m": ground.height,
         "squares": ground.squares,
     }

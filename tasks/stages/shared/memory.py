@@ -21,7 +21,7 @@ FACADE_TEXEL = 190
 DETECTION_BYTES = 350_000_000
 # Activations of each network that a block gives, beside its weights (an estimate: not measured, and networks differ).
 GIVEN_NETWORK_BYTES = 1_000_000_000
-# While a network is loaded, its file, its graph and its prepared weights are in memory: 2.9 times a file of 400 MB.
+# While a network is loaded, its file, its graph and its prepared weights are in memory (an estimate).
 LOADED_NETWORK_SHARE = 3
 # Bytes per pixel of a picture that is decoded, and of the bounded copy that is converted and masked
 # (measured: 5 to 6 of a PNG of 144 megapixels, 7 of a progressive JPEG).

@@ -26,34 +26,34 @@ WINDOW, BALCONY = Element("window", 1.0, 2.0, 2.5, 4.0), Element("balcony", 4.0,
 ELEMENTS = [WINDOW, BALCONY, Element("shop", 3.0, 8.0, 7.0, 11.9), Element("door", 8.0, 9.5, 9.0, 12.0)]
 
 
-def wall_of(source: TexturedMesh) -> int:
+def longest_wall(source: TexturedMesh) -> int:
     """The longest wall of building 0."""
     charts = source.charts
     walls = np.flatnonzero((charts.building == 0) & (charts.kind == ChartKind.WALL))
     return int(walls[np.argmax(charts.size[walls, 0])])
 
 
-def triangles_of(source: TexturedMesh, chart: int) -> np.ndarray:
+def chart_triangles(source: TexturedMesh, chart: int) -> np.ndarray:
     return source.mesh.vertices[source.mesh.triangles[source.mesh.chart_triangles(chart)]]
 
 
-def edges_of(triangles: np.ndarray) -> Counter[tuple[tuple[float, ...], tuple[float, ...]]]:
+def count_edges(triangles: np.ndarray) -> Counter[tuple[tuple[float, ...], tuple[float, ...]]]:
     rings = [[tuple(p) for p in ring] for ring in triangles.round(3).tolist()]
     return Counter(edge for ring in rings for edge in zip(ring, ring[1:] + ring[:1], strict=True))
 
 
-def outline_of(triangles: np.ndarray) -> set[tuple[tuple[float, ...], tuple[float, ...]]]:
+def outer_edges(triangles: np.ndarray) -> set[tuple[tuple[float, ...], tuple[float, ...]]]:
     """The edges that only one triangle has."""
-    edges = edges_of(triangles)
+    edges = count_edges(triangles)
     return {(a, b) for a, b in edges if (b, a) not in edges}
 
 
 def test_openings_join_their_wall_without_gaps_and_its_outline_stays(coloured: TexturedMesh) -> None:
-    wall = wall_of(coloured)
-    flat = triangles_of(coloured, wall)
-    deep = triangles_of(add_relief(coloured, {wall: [e for e in ELEMENTS if e.label != "balcony"]}), wall)
-    assert set(edges_of(deep).values()) == {1}, "no edge twice in one direction"
-    assert outline_of(deep) == outline_of(flat), "each inner edge has a triangle on both sides"
+    wall = longest_wall(coloured)
+    flat = chart_triangles(coloured, wall)
+    deep = chart_triangles(add_relief(coloured, {wall: [e for e in ELEMENTS if e.label != "balcony"]}), wall)
+    assert set(count_edges(deep).values()) == {1}, "no edge twice in one direction"
+    assert outer_edges(deep) == outer_edges(flat), "each inner edge has a triangle on both sides"
     out = coloured.charts.normals()[wall]
     depth = ((deep - flat[0, 0]) @ out).min()
     assert depth == pytest.approx(ELEMENT_DEPTHS["window"].outward_m, abs=1e-6)
@@ -61,21 +61,21 @@ def test_openings_join_their_wall_without_gaps_and_its_outline_stays(coloured: T
 
 
 def test_a_balcony_is_a_box_open_to_its_wall(coloured: TexturedMesh) -> None:
-    wall = wall_of(coloured)
-    flat = triangles_of(coloured, wall)
-    deep = triangles_of(add_relief(coloured, {wall: [BALCONY]}), wall)
+    wall = longest_wall(coloured)
+    flat = chart_triangles(coloured, wall)
+    deep = chart_triangles(add_relief(coloured, {wall: [BALCONY]}), wall)
     out = coloured.charts.normals()[wall]
     height = (deep - flat[0, 0]) @ out
     assert height.max() == pytest.approx(0.9, abs=1e-6)
     body = deep[height.max(axis=1) > 1e-6]
     assert len(body) <= 40
-    open_edges = {point for edge in outline_of(body) for point in edge}
+    open_edges = {point for edge in outer_edges(body) for point in edge}
     assert np.abs((np.array(sorted(open_edges)) - flat[0, 0]) @ out).max() < 0.002, "open at the wall only"
     assert not (height[height.max(axis=1) < 1e-6].min() < -1e-6)
 
 
 def test_cut_elements_and_those_without_room_stay_flat(coloured: TexturedMesh) -> None:
-    wall = wall_of(coloured)
+    wall = longest_wall(coloured)
     width, height = coloured.charts.size[wall]
     cut = [
         Element("window", width - 1, 2, width + 1, 4),  # beyond the end of the wall
@@ -87,12 +87,12 @@ def test_cut_elements_and_those_without_room_stay_flat(coloured: TexturedMesh) -
     assert placed == {("window", True), ("door", False)}
     assert add_relief(coloured, {wall: cut[:2]}) is coloured
     only_door, both = (add_relief(coloured, {wall: e}) for e in (cut[3:], cut[2:]))
-    np.testing.assert_array_equal(triangles_of(only_door, wall), triangles_of(both, wall))
+    np.testing.assert_array_equal(chart_triangles(only_door, wall), chart_triangles(both, wall))
     assert add_relief(coloured, {}) is coloured
 
 
 def test_an_element_is_no_deeper_than_the_building(coloured: TexturedMesh) -> None:
-    wall = wall_of(coloured)
+    wall = longest_wall(coloured)
     charts, mesh = coloured.charts, coloured.mesh
     out = charts.normals()[wall]
     other = int(
@@ -112,12 +112,12 @@ def test_an_element_is_no_deeper_than_the_building(coloured: TexturedMesh) -> No
                 vertex_chart=np.append(mesh.vertex_chart, [mesh.chart[other]] * 3).astype(np.int32),
             ),
         )
-        deep = triangles_of(add_relief(near, {wall: [WINDOW]}), wall)
+        deep = chart_triangles(add_relief(near, {wall: [WINDOW]}), wall)
         assert ((deep - deep[0, 0]) @ out).min() == pytest.approx(depth, abs=1e-6)
 
 
 def test_a_balcony_stays_flat_before_another_building(coloured: TexturedMesh) -> None:
-    wall = wall_of(coloured)
+    wall = longest_wall(coloured)
     charts, mesh = coloured.charts, coloured.mesh
     shown = charts.points(wall, np.array([5.0, 6, 5]), np.array([3.2, 3.2, 3.8]))
     other = int(np.flatnonzero(charts.building[mesh.chart] == 1)[0])
@@ -143,7 +143,7 @@ def test_a_balcony_stays_flat_before_another_building(coloured: TexturedMesh) ->
 
 
 def test_elements_in_any_order_give_the_same_mesh(coloured: TexturedMesh) -> None:
-    wall = wall_of(coloured)
+    wall = longest_wall(coloured)
     one, other = (add_relief(coloured, {wall: elements}) for elements in (ELEMENTS, ELEMENTS[::-1]))
     for a, b in zip(vars(one.mesh).values(), vars(other.mesh).values(), strict=False):
         if isinstance(a, np.ndarray):
@@ -155,7 +155,7 @@ def test_elements_in_any_order_give_the_same_mesh(coloured: TexturedMesh) -> Non
 
 
 def test_from_the_front_each_place_shows_the_texel_of_the_flat_wall(coloured: TexturedMesh) -> None:
-    wall = wall_of(coloured)
+    wall = longest_wall(coloured)
     deep = add_relief(coloured, {wall: ELEMENTS})
     charts, out = coloured.charts, coloured.charts.normals()[wall]
     width, height = charts.size[wall]
@@ -175,7 +175,7 @@ def test_from_the_front_each_place_shows_the_texel_of_the_flat_wall(coloured: Te
 
 
 def test_nodes_have_unit_frames_and_texture_coordinates_on_their_page(coloured: TexturedMesh) -> None:
-    wall = wall_of(coloured)
+    wall = longest_wall(coloured)
     lit = replace(coloured, maps=lambda chart: pytest.fail("no map is drawn"))
     deep = add_relief(lit, {wall: ELEMENTS})
     drawn = pack_charts_on_pages(deep, deep.select_charts(np.array([0])))
