@@ -12,9 +12,9 @@ import json
 import os
 from pathlib import Path
 
+from facade_core.facade.exemplar_quality import USUAL_SHADED_SHARE
 from facade_core.imagery.rectify.shadow import shadow_share
 from facade_core.parsing.segmenter import parse
-from facade_core.plan.settings import EXEMPLAR_CHOICE
 from training.datasets.facades import ECP, read_dataset
 
 MARKED = frozenset(
@@ -56,7 +56,7 @@ def main(arguments: list[str] | None = None) -> None:
         photo.name.removeprefix("monge_"): shadow_share(photo.image, parse(photo.image).labels)
         for photo in read_dataset(ECP, options.data / "facades" / "ecp")
     }
-    over = {name for name, share in told.items() if share > EXEMPLAR_CHOICE.usual_shaded_share}
+    over = {name for name, share in told.items() if share > USUAL_SHADED_SHARE}
     print(
         json.dumps(
             {

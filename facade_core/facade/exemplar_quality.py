@@ -24,6 +24,8 @@ FOREIGN_CHROMA = 18.0
 MAX_FOREIGN_SHARE = 0.3
 MAX_SLOPE = 0.08
 MAX_SHADED_SHARE = 0.8
+# Share of shadow that a wall in even light has at most.
+USUAL_SHADED_SHARE = 0.18
 # Smallest share of a window's place in the grid of floors and bays that it fills.
 MIN_FILLED_SHARE = 0.4
 # Worth of an exemplar whose part is worth nothing; otherwise one bad part would hide the others.
@@ -53,9 +55,14 @@ class ExemplarQuality:
     straight: float
 
     @property
+    def body(self) -> float:
+        """Return the product of all parts but the ground floor, 0 to 1."""
+        return prod(max(_FLOOR, part) for name, part in asdict(self).items() if name != "foot")
+
+    @property
     def score(self) -> float:
         """Return the product of all parts, 0 to 1."""
-        return prod(max(_FLOOR, part) for part in asdict(self).values())
+        return self.body * max(_FLOOR, self.foot)
 
 
 def judge_exemplar(

@@ -37,10 +37,11 @@ class ExemplarTargetWalls:
 def choose_exemplars(walls: ExemplarTargetWalls, library: ExemplarLibrary, *, seed: int) -> Int64Array:
     """Choose an exemplar for each wall; the walls of one building share theirs.
 
-    The misfit is that of the building's widest wall: floors, floor height, families of the street, quality, and shares
-    inpainted or in shadow. A random cost by (seed, building) adds variety. Neighbours take different exemplars while
-    there are others, then the one with the farthest use, and avoid similar ones. No exemplar takes more than a share of a
-    neighbourhood while others are left. A choice depends on the neighbourhood only, not on order or number.
+    Bad exemplars are left out while enough others are left. The misfit is that of the building's widest wall: floors, floor
+    height, families of the street, and quality of the upper floors. A random cost by (seed, building) adds variety.
+    Neighbours take different exemplars while there are others, then the one with the farthest use, and avoid similar ones.
+    No exemplar takes more than a share of a neighbourhood while others are left. A choice depends on the neighbourhood
+    only, not on order or number.
 
     Parameters
     ----------
@@ -64,10 +65,12 @@ def choose_exemplars(walls: ExemplarTargetWalls, library: ExemplarLibrary, *, se
     near, metres = _neighbouring_buildings(walls.ends, row, len(numbers))
     width = np.asarray(np.bincount(row, walls.width), np.float64)
     rank = _rank_buildings(numbers, draws[:, 0], width)
+    is_good = np.asarray(library.body, float) >= EXEMPLAR_CHOICE.min_body
+    is_good |= is_good.sum() < EXEMPLAR_CHOICE.min_exemplars
 
     chosen = np.full(len(numbers), -1)
     for i in np.argsort(rank).tolist():
-        fits = np.where(_exceeds_share(chosen, width, i, near[i], misfit.shape[1]), np.inf, misfit[i])
+        fits = np.where(_exceeds_share(chosen, width, i, near[i], is_good), np.inf, misfit[i])
         chosen[i] = _cheapest_exemplar(fits, chosen[near[i]], metres[i], library)
     return chosen[row]
 
@@ -135,15 +138,11 @@ def _misfit_costs(walls: ExemplarTargetWalls, main: Int64Array, library: Exempla
         walls.height[main] / floors, np.asarray(library.height, float) / given
     )
     misfit += EXEMPLAR_CHOICE.width_cost * ratio(walls.width[main], np.asarray(library.width, float))
-    misfit += EXEMPLAR_CHOICE.hidden_cost * np.maximum(
-        0, np.asarray(library.hidden, float) - EXEMPLAR_CHOICE.usual_hidden_share
-    )
-    misfit += EXEMPLAR_CHOICE.quality_cost * (1 - np.asarray(library.quality, float))
-    mapped, has_shops = walls.shops[main][:, None], np.asarray(library.shops, float) > 0
+    body, shops = np.asarray(library.body, float), np.append(np.asarray(library.shops, float), 0.0)
+    misfit += EXEMPLAR_CHOICE.quality_cost * (1 - body)
+    mapped, has_shops = walls.shops[main][:, None], shops[library.ground_floor] > 0
     misfit += EXEMPLAR_CHOICE.shop_mismatch_cost * ((mapped >= 0) & (has_shops != (mapped > 0)))
-    return misfit + EXEMPLAR_CHOICE.hidden_cost * np.maximum(
-        0, np.asarray(library.shaded, float) - EXEMPLAR_CHOICE.usual_shaded_share
-    )
+    return misfit
 
 
 def _is_in_street_families(street: Int64Array, family: Int64Array, seed: int) -> BoolArray:
@@ -180,21 +179,29 @@ def _neighbouring_buildings(
     return np.split(pairs[:, 1], cuts), np.split(metres, cuts)
 
 
-def _exceeds_share(chosen: Int64Array, width: Float64Array, own: int, near: Int64Array, count: int) -> BoolArray:
-    """Return the exemplars (count,) that would cover too much of what has chosen near a building, never all of them.
+def _exceeds_share(
+    chosen: Int64Array, width: Float64Array, own: int, near: Int64Array, is_good: BoolArray
+) -> BoolArray:
+    """Return the exemplars (k,) that are bad or would cover too much of what has chosen near a building, never all of them.
 
     Parameters
     ----------
     chosen : (b,) exemplars of buildings, -1 for none yet.
     width : (b,) width of their walls, metres.
     own : building that chooses.
-    near : (k,) its neighbours.
+    near : (n,) its neighbours.
+    is_good : (k,) exemplars to choose from.
     """
     has = near[chosen[near] >= 0]
-    covered = np.bincount(chosen[has], width[has], count) + float(width[own])
+    covered = np.bincount(chosen[has], width[has], len(is_good)) + float(width[own])
     share = covered / (width[has].sum() + width[own])
-    is_more: BoolArray = share > max(
-        EXEMPLAR_CHOICE.max_exemplar_share, EXEMPLAR_CHOICE.spare_share / count, float(share.min())
+    is_more: BoolArray = ~is_good | (
+        share
+        > max(
+            EXEMPLAR_CHOICE.max_exemplar_share,
+            EXEMPLAR_CHOICE.spare_share / is_good.sum(),
+            float(share[is_good].min()),
+        )
     )
     return is_more
 

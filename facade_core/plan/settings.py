@@ -34,10 +34,8 @@ class ExemplarChoiceSettings:
     random_cost : greatest random cost, for variety among exemplars that fit.
     floors_cost, floor_height_cost, width_cost : costs per log ratio of floors, of floor height, and of width, which
         hardly matters as bays are repeated and dropped.
-    usual_hidden_share, usual_shaded_share : shares of an exemplar that may be inpainted, and in shadow, without a
-        cost.
-    hidden_cost : cost per share beyond these.
-    quality_cost : cost of an exemplar of no quality.
+    quality_cost : cost of an exemplar whose upper floors have no quality.
+    min_body, min_exemplars : quality of the upper floors below which an exemplar is not taken while so many are better.
     max_exemplar_share, spare_share : greatest share of a neighbourhood's walls that one exemplar takes, by the width
         of those that have chosen. In a small library it is SPARE_SHARE times an equal share, and where all exemplars
         would exceed it, the least that one would cover.
@@ -54,10 +52,9 @@ class ExemplarChoiceSettings:
     floors_cost: float = 0.7
     floor_height_cost: float = 0.7
     width_cost: float = 0.05
-    usual_hidden_share: float = 0.15
-    usual_shaded_share: float = 0.18
-    hidden_cost: float = 4.0
     quality_cost: float = 3.0
+    min_body: float = 0.4
+    min_exemplars: int = 4
     max_exemplar_share: float = 0.15
     spare_share: float = 1.5
     neighbourhood_m: float = 60.0
@@ -75,17 +72,23 @@ EXEMPLAR_CHOICE = ExemplarChoiceSettings()
 
 @dataclass(frozen=True, slots=True)
 class ExemplarStyleSettings:
-    """Families of exemplars.
+    """Families of exemplars, and the ground floors that they lend each other.
 
     Attributes
     ----------
     family_size, max_families : exemplars per family, and families per library.
     colour_components : leading components that describe the colour.
+    min_foot : quality of a ground floor below which another's is shown.
+    foot_cost, use_cost : costs of a ground floor of no quality, and of each exemplar that shows it already, in style
+        distances.
     """
 
     family_size: int = 5
     max_families: int = 8
     colour_components: int = 3
+    min_foot: float = 0.7
+    foot_cost: float = 10.0
+    use_cost: float = 0.5
 
 
 EXEMPLAR_STYLE = ExemplarStyleSettings()

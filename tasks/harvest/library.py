@@ -274,10 +274,9 @@ def _families(exemplars: Sequence[Candidate]) -> list[int]:
         width=[one["width_m"] for one in records],
         height=[one["height_m"] for one in records],
         floors=[one["floors"] for one in records],
-        hidden=[one["hidden"] for one in records],
-        shaded=zeros,
         shops=zeros,
-        quality=[one["score"] for one in records],
+        body=zeros,
+        foot=zeros,
         descriptors=[one["look"] for one in records],
     )
     families: list[int] = library.family.tolist()

@@ -9,8 +9,8 @@ from pathlib import Path
 from catalogs.published.columns import ItemRow
 from catalogs.published.report import ReportContent, ReportExemplar, write_report
 from catalogs.published.snapshot import SnapshotFolder
+from facade_core.facade.exemplar_quality import USUAL_SHADED_SHARE
 from facade_core.geometry.walls import WALL_ROLES, WallRole
-from facade_core.plan.settings import EXEMPLAR_CHOICE
 from tasks.engine.run import Run
 from tasks.publish.images import ReportImages
 from tasks.publish.item_rows import ItemRows, pose_height_change
@@ -71,7 +71,7 @@ def write_block_report(
                 ReportExemplar(
                     {
                         **record,
-                        "shaded": record["shaded"] if record["shaded"] > EXEMPLAR_CHOICE.usual_shaded_share else 0,
+                        "shaded": record["shaded"] if record["shaded"] > USUAL_SHADED_SHARE else 0,
                     },
                     pictures=images.exemplars.get(record["unit"], ()),
                     used=used[record["unit"]],

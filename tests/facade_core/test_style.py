@@ -4,13 +4,18 @@ from __future__ import annotations
 
 from dataclasses import fields, replace
 
+import cv2
 import numpy as np
 
 from benchmarks.painter.facade import paint_facade
 from facade_core.core.labels import FacadeClass
-from facade_core.facade.texture.ground_floor import replace_shops_by_windows
+from facade_core.facade.texture.ground_floor import (
+    replace_ground_floor_by_windows,
+    replace_shops_by_windows,
+    transplant_ground_floor,
+)
 from facade_core.facade.texture.tint import tint_facade
-from facade_core.parsing.floor_structure import count_floors
+from facade_core.parsing.floor_structure import count_floors, find_floors_and_bays
 from facade_core.plan.exemplar_choice import ExemplarTargetWalls, choose_exemplars, exemplar_choice_order
 from facade_core.plan.exemplar_style import ExemplarLibrary, style_descriptor
 from facade_core.plan.settings import EXEMPLAR_CHOICE
@@ -44,8 +49,7 @@ def library(count: int, families: int = 1) -> ExemplarLibrary:
         [18.0] * count,
         [5.0] * count,
         [0.0] * count,
-        [0.0] * count,
-        [0.0] * count,
+        [1.0] * count,
         [1.0] * count,
         looks.tolist(),
     )
@@ -83,14 +87,23 @@ def test_facades_of_one_building_share_and_size_decides() -> None:
     assert choose_exemplars(wide, sizes, seed=1).tolist() == chosen.tolist(), "any width is made"
 
 
-def test_what_was_guessed_or_shaded_is_taken_last() -> None:
-    walls = row(6)
-    walls = replace(walls, ends=walls.ends + 1000.0 * np.arange(6)[:, None, None])
-    much = [0.0, 0.0, 0.5, 0.0, 0.0, 0.0]
-    assert 2 not in choose_exemplars(walls, replace(library(6), hidden=much), seed=1)
-    assert 2 not in choose_exemplars(walls, replace(library(6), shaded=much), seed=1)
-    blurred = [1.0, 1.0, 0.3, 1.0, 1.0, 1.0]
-    assert 2 not in choose_exemplars(walls, replace(library(6), quality=blurred), seed=1)
+def test_a_bad_exemplar_is_left_out_even_among_neighbours() -> None:
+    """Thirty houses within sight of each other, six exemplars, one of them bad."""
+    crowd = replace(row(30), ends=row(30).ends / 16)
+    body = [1.0, 1.0, EXEMPLAR_CHOICE.min_body - 0.1, 1.0, 1.0, 1.0]
+    assert 2 in choose_exemplars(crowd, library(6), seed=1)
+    assert 2 not in choose_exemplars(crowd, replace(library(6), body=body), seed=1)
+    few = replace(library(3), body=body[:3])
+    assert 2 in choose_exemplars(crowd, few, seed=1), "variety needs it"
+
+
+def test_a_hidden_ground_floor_is_replaced_by_a_like_one() -> None:
+    """Exemplars 0 and 1 are of one family, 2 and 3 of the other."""
+    styles = replace(library(4), descriptors=[[0.0] * 9, [1.0] + [0.0] * 8, [60.0] + [0.0] * 8, [61.0] + [0.0] * 8])
+    assert replace(styles, foot=[0.3, 0.9, 0.9, 0.4]).ground_floor.tolist() == [1, 1, 2, 2]
+    assert replace(styles, foot=[0.3, 0.2, 0.1, 0.4]).ground_floor.tolist() == [-1] * 4
+    alike = replace(library(12), foot=[0.9, 0.9, *[0.2] * 10])
+    assert set(np.bincount(alike.ground_floor[2:])) == {5}, "both are shown equally often"
 
 
 def test_no_exemplar_covers_much_of_a_neighbourhood() -> None:
@@ -107,7 +120,7 @@ def test_a_wide_building_gets_the_best_exemplar() -> None:
     """Of 24 houses within sight of each other one is as wide as ten of the others; one exemplar of twelve is good."""
     walls = replace(row(24), ends=row(24).ends / 12)
     walls = replace(walls, width=np.where(np.arange(24) == 7, 90.0, 9.0))
-    one_good = replace(library(12), quality=[1.0 if number == 5 else 0.3 for number in range(12)])
+    one_good = replace(library(12), body=[1.0 if number == 5 else 0.3 for number in range(12)])
     assert all(choose_exemplars(walls, one_good, seed=seed)[7] == 5 for seed in range(5))
 
 
@@ -144,6 +157,37 @@ def test_a_door_whose_foot_was_hidden_goes_with_the_shops() -> None:
     foot[foot == FacadeClass.DOOR] = FacadeClass.WALL
     assert (labels == FacadeClass.DOOR).any()
     assert not (replace_shops_by_windows(painted.image, labels)[1] == FacadeClass.DOOR).any()
+
+
+def test_the_ground_floor_of_another_exemplar_fits_bays_light_and_scale() -> None:
+    own = paint_facade((16.0, 15.0), floors=4, columns=5, style="jugend", metres_per_pixel=0.05, seed=6)
+    other = paint_facade((16.0, 9.0), floors=4, columns=3, style="art-deco", metres_per_pixel=0.04, seed=7)
+    top, theirs = (find_floors_and_bays(each.labels).ground_top for each in (own, other))
+    dark = (own.image * 0.6).astype(np.uint8)
+    image, labels = transplant_ground_floor(dark, own.labels, other.image, other.labels, 0.04 / 0.05)
+    height = round((len(other.labels) - theirs) * 0.8)
+    assert labels.shape == image.shape[:2] == (top + height, own.labels.shape[1])
+    np.testing.assert_array_equal(image[:top], dark[:top])
+    ground, shown = labels[top:], np.unique(labels[top:])
+    assert set(shown) <= set(np.unique(other.labels[theirs:]))
+    assert (ground == FacadeClass.SHOP).any(), "no shop was cut off"
+    lit, _ = transplant_ground_floor(own.image, own.labels, other.image, other.labels, 0.04 / 0.05)
+    assert abs(image[top:].mean() / lit[top:].mean() - 0.6) < 0.05, "in the light of its own wall"
+    sources = [each.bay_cuts for each in (find_floors_and_bays(labels), find_floors_and_bays(own.labels))]
+    assert sources[0] == sources[1], "bays stay"
+
+
+def test_a_plain_ground_floor_has_windows_and_a_door_and_no_smear() -> None:
+    painted = paint_facade((16.0, 15.0), floors=4, columns=5, style="art-deco", metres_per_pixel=0.05, seed=6)
+    top = find_floors_and_bays(painted.labels).ground_top
+    smeared = painted.image.copy()
+    smeared[top:] = (255, 0, 255)
+    image, labels = replace_ground_floor_by_windows(smeared, painted.labels, 0.05, seed=1)
+    np.testing.assert_array_equal(image[:top], smeared[:top])
+    assert not (image[top:] == (255, 0, 255)).all(axis=2).any()
+    assert not (labels[top:] == FacadeClass.SHOP).any()
+    assert cv2.connectedComponents((labels[top:] == FacadeClass.DOOR).astype(np.uint8))[0] == 2, "one door"
+    assert (labels[-1] == FacadeClass.DOOR).any(), "which reaches the ground"
 
 
 def test_walls_of_one_exemplar_differ_by_house() -> None:
@@ -222,8 +266,7 @@ def test_looks_tell_walls_apart() -> None:
         [1] * 3,
         [1] * 3,
         [0] * 3,
-        [0] * 3,
-        [0] * 3,
+        [1] * 3,
         [1] * 3,
         np.concatenate([brick, again, functionalist]).tolist(),
     )

@@ -152,7 +152,17 @@ def paint_door(
     left = round(middle / metres_per_pixel - wide / 2)
     left, wide = max(0, left), min(wide, labels.shape[1])
     top = max(0, len(labels) - high)
-    at = np.s_[top : len(labels), left : left + wide]
+    fill_with_door(image, labels, (slice(top, len(labels)), slice(left, left + wide)), metres_per_pixel, rng)
+
+
+def fill_with_door(
+    image: UInt8Array,
+    labels: UInt8Array,
+    at: tuple[slice, slice],
+    metres_per_pixel: float,
+    rng: np.random.Generator,
+) -> None:
+    """Fill some rows and columns of a wall with a plain door, in place; parameters as of `paint_door`."""
     light = image[at].mean() / 150.0  # a door in a dark picture is dark
     door = draw_plain_door(labels[at].shape, metres_per_pixel, rng)
     image[at] = np.clip(np.rint(door * np.clip(light, 0.6, 1.15)), 0, 255).astype(np.uint8)

@@ -1,4 +1,4 @@
-"""Residential ground floor of an exemplar with shops, for walls without mapped shops."""
+"""Ground floor of an exemplar: another's, a residential one, or a plain one."""
 
 from __future__ import annotations
 
@@ -7,10 +7,108 @@ from itertools import pairwise
 import cv2
 import numpy as np
 
-from facade_core.core.arrays import UInt8Array
+from facade_core.core.arrays import BoolArray, Float64Array, UInt8Array
 from facade_core.core.labels import FacadeClass
+from facade_core.facade.texture.entrances import fill_with_door
 from facade_core.facade.texture.settings import GROUND_FLOOR
-from facade_core.parsing.floor_structure import find_floors_and_bays, spans_above_threshold
+from facade_core.facade.wall_material import lit_colour
+from facade_core.parsing.floor_structure import FloorsAndBays, find_floors_and_bays, spans_above_threshold
+
+
+def transplant_ground_floor(
+    image: UInt8Array, labels: UInt8Array, other_image: UInt8Array, other_labels: UInt8Array, scale: float
+) -> tuple[UInt8Array, UInt8Array]:
+    """Replace the ground floor of an exemplar by another exemplar's, in its own light and the colour of its own wall.
+
+    Each bay takes one of the other's, stretched to its width; they follow each other as there. Without windows in either
+    nothing changes.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8.
+    labels : (H, W) uint8 class ids.
+    other_image : (h, w, 3) uint8, the other exemplar.
+    other_labels : (h, w) uint8.
+    scale : pixels of the exemplar for one of the other.
+
+    Returns
+    -------
+    Image and labels, as high as upper floors and the new ground floor together.
+    """
+    own, other = find_floors_and_bays(labels), find_floors_and_bays(other_labels)
+    if own is None or other is None or other.ground_top >= other.bottom or own.ground_top <= own.top:
+        return image, labels
+    rows = slice(other.ground_top, other.bottom)
+    height = max(1, round((other.bottom - other.ground_top) * scale))
+    gain = _wall_gain(
+        _wall_colour(image, labels, _lowest_upper_floor(own)),
+        _wall_colour(other_image, other_labels, _lowest_upper_floor(other)),
+    )
+    is_wall = other_labels[rows] == FacadeClass.WALL
+    lit = other_image[rows] * np.where(is_wall[..., None], gain, gain.mean())
+    source = np.clip(np.rint(lit), 0, 255).astype(np.uint8), other_labels[rows]
+    ground = np.zeros((height, labels.shape[1], 3), np.uint8), np.zeros((height, labels.shape[1]), np.uint8)
+    widths, theirs = (np.diff(np.array(each.bay_cuts)) for each in (own, other))
+    first = _first_bay(widths, theirs * scale)
+    for number, (left, right) in enumerate(pairwise(own.bay_cuts)):
+        bay = (first + number) % len(theirs)
+        part = slice(*other.bay_cuts[bay : bay + 2])
+        _paste((ground[0][:, left:right], ground[1][:, left:right]), (source[0][:, part], source[1][:, part]))
+    above = slice(0, own.ground_top)
+    return np.concatenate([image[above], ground[0]]), np.concatenate([labels[above], ground[1]])
+
+
+def _first_bay(widths: Float64Array, theirs: Float64Array) -> int:
+    """Return the bay (of k) from which another's bays fit the widths (n,) of bays best, one after the other."""
+    bays = np.arange(len(theirs))[:, None] + np.arange(len(widths))
+    stretch = np.abs(np.log(theirs[bays % len(theirs)] / widths)).mean(axis=1)
+    return int(np.argmin(stretch))
+
+
+def _wall_gain(colour: Float64Array | None, other: Float64Array | None) -> Float64Array:
+    """Return the factors (3,) from another wall's colour to a wall's; ones where either is unknown."""
+    if colour is None or other is None:
+        return np.ones(3)
+    gain = colour / np.maximum(other, 1)
+    light = float(np.clip(gain.mean(), 1 / GROUND_FLOOR.max_gain, GROUND_FLOOR.max_gain))
+    return np.asarray(light * np.clip(gain / gain.mean(), 1 / GROUND_FLOOR.max_tint, GROUND_FLOOR.max_tint))
+
+
+def _wall_colour(image: UInt8Array, labels: UInt8Array, rows: slice) -> Float64Array | None:
+    """Return the colour (3,) of the wall in some rows; None without any."""
+    wall = labels[rows] == FacadeClass.WALL
+    return lit_colour(image[rows][wall]) if wall.any() else None
+
+
+def _lowest_upper_floor(found: FloorsAndBays) -> slice:
+    """Return the rows of the floor above the ground floor."""
+    return slice(max(cut for cut in found.floor_cuts if cut < found.ground_top), found.ground_top)
+
+
+def replace_ground_floor_by_windows(
+    image: UInt8Array, labels: UInt8Array, metres_per_pixel: float, *, seed: int = 0
+) -> tuple[UInt8Array, UInt8Array]:
+    """Replace the whole ground floor of an exemplar by windows of an upper floor, with a plain door in a middle bay.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8.
+    labels : (H, W) uint8 class ids.
+    metres_per_pixel : scale of the exemplar.
+    seed : draws the door.
+    """
+    found = find_floors_and_bays(labels)
+    source = None if found is None else _residential_floor(found, labels)
+    if found is None or source is None:
+        return image, labels
+    new_image, new_labels = _show_windows(image, labels, found, source, np.ones(labels.shape[1], bool))
+    band = slice(found.ground_top, found.bottom)
+    left, right = found.bays[len(found.bays) // 2]
+    rows = np.flatnonzero((new_labels[band, left:right] == FacadeClass.WINDOW).any(axis=1))
+    top = found.ground_top + (int(rows[0]) if len(rows) else 0)
+    door = slice(top, found.bottom), slice(left, right)
+    fill_with_door(new_image, new_labels, door, metres_per_pixel, np.random.default_rng(seed))
+    return new_image, new_labels
 
 
 def replace_shops_by_windows(image: UInt8Array, labels: UInt8Array) -> tuple[UInt8Array, UInt8Array]:
@@ -30,14 +128,10 @@ def replace_shops_by_windows(image: UInt8Array, labels: UInt8Array) -> tuple[UIn
     Image and labels.
     """
     found = find_floors_and_bays(labels)
-    middle = [] if found is None else [i for i, kind in enumerate(found.kinds) if kind == "middle"]
-    if found is None or not middle or not (labels == FacadeClass.SHOP).any():
+    source_rows = None if found is None else _residential_floor(found, labels)
+    if found is None or source_rows is None or not (labels == FacadeClass.SHOP).any():
         return image, labels
-    floors = [slice(*found.floor_cuts[i : i + 2]) for i in (middle[1:] or middle)[::-1]]
-    source_rows = min(floors, key=lambda rows: float((labels[rows] == FacadeClass.BALCONY).mean()))
     top, bottom = found.ground_top, found.bottom
-    bays = [slice(a, b) for a, b in pairwise((0, *found.bay_cuts[1:-1], labels.shape[1]))]
-    plain = [not (labels[source_rows, bay] == FacadeClass.BALCONY).any() for bay in bays]
     rim = round(GROUND_FLOOR.jamb_share * (bottom - top))
     is_door = labels[top:bottom] == FacadeClass.DOOR
     foot = is_door[round((1 - GROUND_FLOOR.door_foot_share) * (bottom - top)) :].any(axis=0)
@@ -45,14 +139,38 @@ def replace_shops_by_windows(image: UInt8Array, labels: UInt8Array) -> tuple[UIn
     for left, right in spans_above_threshold(is_door.any(axis=0).astype(np.float64), 0.5):
         door[0, left:right] = foot[left:right].any()
     free = cv2.dilate(door, np.ones((1, 2 * rim + 1), np.uint8))[0] == 0
+    return _show_windows(image, labels, found, source_rows, free)
+
+
+def _residential_floor(found: FloorsAndBays, labels: UInt8Array) -> slice | None:
+    """Return the rows of the lowest floor with the fewest balconies, if possible not the topmost; None without any."""
+    middle = [i for i, kind in enumerate(found.kinds) if kind == "middle"]
+    floors = [slice(*found.floor_cuts[i : i + 2]) for i in (middle[1:] or middle)[::-1]]
+    return min(floors, key=lambda rows: float((labels[rows] == FacadeClass.BALCONY).mean()), default=None)
+
+
+def _show_windows(
+    image: UInt8Array, labels: UInt8Array, found: FloorsAndBays, source_rows: slice, free: BoolArray
+) -> tuple[UInt8Array, UInt8Array]:
+    """Show a floor in place of the ground floor, in its free columns (W,), in the light of the floor above."""
+    top, bottom = found.ground_top, found.bottom
+    bays = [slice(a, b) for a, b in pairwise((0, *found.bay_cuts[1:-1], labels.shape[1]))]
+    plain = [not (labels[source_rows, bay] == FacadeClass.BALCONY).any() for bay in bays]
+    gain = _wall_gain(_wall_colour(image, labels, _lowest_upper_floor(found)), _wall_colour(image, labels, source_rows))
     new_image, new_labels = image.copy(), labels.copy()
     for number, bay in enumerate(bays):
         # The nearest bay without balconies, the bay itself first.
         nearest = min(range(len(bays)), key=lambda other: (any(plain) and not plain[other], abs(other - number)))
-        size, kept = (bay.stop - bay.start, bottom - top), free[bay]
-        source = source_rows, bays[nearest]
-        new_image[top:bottom, bay][:, kept] = cv2.resize(image[source], size, interpolation=cv2.INTER_AREA)[:, kept]
-        new_labels[top:bottom, bay][:, kept] = cv2.resize(labels[source], size, interpolation=cv2.INTER_NEAREST)[
-            :, kept
-        ]
+        shown = new_image[top:bottom, bay].copy(), new_labels[top:bottom, bay].copy()
+        source = np.clip(np.rint(image[source_rows, bays[nearest]] * gain), 0, 255).astype(np.uint8)
+        _paste(shown, (source, labels[source_rows, bays[nearest]]))
+        kept = free[bay]
+        new_image[top:bottom, bay][:, kept], new_labels[top:bottom, bay][:, kept] = shown[0][:, kept], shown[1][:, kept]
     return new_image, new_labels
+
+
+def _paste(target: tuple[UInt8Array, UInt8Array], source: tuple[UInt8Array, UInt8Array]) -> None:
+    """Fill image and labels of a target with those of a source, stretched to its size."""
+    size = target[1].shape[::-1]
+    target[0][:] = cv2.resize(source[0], size, interpolation=cv2.INTER_AREA)
+    target[1][:] = cv2.resize(source[1], size, interpolation=cv2.INTER_NEAREST)

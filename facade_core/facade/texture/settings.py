@@ -137,6 +137,7 @@ class GroundFloorSettings:
     element_stretch : range of the stretch of elements; a wall that needs more is laid out by bays.
     max_entrance_offset_m : largest distance of a mapped entrance from a door or a shop, metres.
     free_tolerance_m : metres by which a ground floor may extend beyond the free part of its wall.
+    max_gain, max_tint : largest factors by which another floor is lightened or darkened, and a colour of it beyond that.
     """
 
     jamb_share: float = 0.12
@@ -155,6 +156,8 @@ class GroundFloorSettings:
     element_stretch: tuple[float, float] = (0.8, 1.25)
     max_entrance_offset_m: float = 2.5
     free_tolerance_m: float = 0.1
+    max_gain: float = 1.8
+    max_tint: float = 1.15
 
 
 GROUND_FLOOR = GroundFloorSettings()

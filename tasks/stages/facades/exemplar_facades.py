@@ -4,21 +4,22 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
-from facade_core.atlas.journal import read_records
 from facade_core.core.arrays import Float64Array, UInt8Array
 from facade_core.core.errors import FacadeError
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.facade.exemplar_facade import BuildingPaint, ScaledStyle, build_facade_from_exemplar
 from facade_core.facade.facade import Facade
-from facade_core.facade.texture.ground_floor import replace_shops_by_windows
+from facade_core.facade.texture.ground_floor import (
+    replace_ground_floor_by_windows,
+    replace_shops_by_windows,
+    transplant_ground_floor,
+)
 from facade_core.facade.texture.retargeting import ExemplarAnalysis, analyse_exemplar
 from facade_core.facade.texture.roof_removal import cut_off_roof
 from facade_core.plan.facade_walls import facade_wall
 from tasks.engine.run import Run
 from tasks.stages.exemplars.worker import read_exemplar
-from tasks.stages.facades.imagery import FacadeInputs
+from tasks.stages.facades.imagery import ChosenExemplar, FacadeInputs
 from tasks.stages.facades.pictured_style import PicturedStyle
 
 # Pixels of the exemplars that are kept; each takes 4 bytes, besides the tables of its lattice.
@@ -29,8 +30,7 @@ class _ExemplarKey(NamedTuple):
     """What an analysed exemplar depends on."""
 
     out: str
-    exemplar: int
-    key: str
+    exemplar: ChosenExemplar
     shops: bool
     roof: bool
 
@@ -57,27 +57,37 @@ def analyse_style(image: UInt8Array, labels: UInt8Array, *, shops: bool, roof: b
 
 
 def load_exemplar_analysis(
-    run: Run, group: StoreGroup, index: int, *, shops: bool, roof: bool
+    run: Run, group: StoreGroup, exemplar: ChosenExemplar, *, shops: bool, roof: bool
 ) -> tuple[ExemplarAnalysis, float]:
-    """Return an analysed exemplar, with or without its shops and its roof, and its metres per texel.
+    """Return an analysed exemplar with its ground floor, with or without its shops and its roof, and its metres per texel.
 
     Parameters
     ----------
     run : run of the unit.
     group : root of the store.
-    index : number of the exemplar.
+    exemplar : the exemplar.
     shops, roof : as of `analyse_style`.
     """
-    (record,) = read_records(group, "exemplars", np.array([index]))
-    entry = _ExemplarKey(run.out, index, record["key"] if record else "", shops, roof)
+    entry = _ExemplarKey(run.out, exemplar, shops, roof)
     analysed = _kept.pop(entry, None)
     if analysed is None:
-        image, labels, metres_per_texel = read_exemplar(group, index)
+        image, labels, metres_per_texel = _read_with_ground_floor(group, exemplar)
         analysed = analyse_style(image, labels, shops=shops, roof=roof), metres_per_texel
     _kept[entry] = analysed
     while len(_kept) > 1 and sum(style.labels.size for style, _ in _kept.values()) > MAX_KEPT_PIXELS:
         del _kept[next(iter(_kept))]
     return analysed
+
+
+def _read_with_ground_floor(group: StoreGroup, exemplar: ChosenExemplar) -> tuple[UInt8Array, UInt8Array, float]:
+    """Read an exemplar with the ground floor that it shows; returns as `read_exemplar`."""
+    image, labels, metres_per_texel = read_exemplar(group, exemplar.index)
+    if exemplar.ground_floor == "plain":
+        image, labels = replace_ground_floor_by_windows(image, labels, metres_per_texel)
+    elif exemplar.ground_floor is not None:
+        other_image, other_labels, theirs = read_exemplar(group, exemplar.ground_floor.index)
+        image, labels = transplant_ground_floor(image, labels, other_image, other_labels, theirs / metres_per_texel)
+    return image, labels, metres_per_texel
 
 
 def build_wall_from_exemplar(
@@ -116,10 +126,10 @@ def build_wall_from_exemplar(
         metres_per_texel = own.metres_per_pixel
     else:
         run, roof = inputs.house_view.run, not facades.roofed[facade]
-        whole, metres_per_texel = load_exemplar_analysis(run, group, exemplar.index, shops=True, roof=roof)
+        whole, metres_per_texel = load_exemplar_analysis(run, group, exemplar, shops=True, roof=roof)
         style = whole
         if not inputs.shops:
-            style, _ = load_exemplar_analysis(run, group, exemplar.index, shops=False, roof=roof)
+            style, _ = load_exemplar_analysis(run, group, exemplar, shops=False, roof=roof)
     return build_facade_from_exemplar(
         ScaledStyle(style, metres_per_texel, whole),
         facade_wall(plan.scene, facades, facade, inputs.entrances),

@@ -27,7 +27,7 @@ def forecast_pending_facades(inputs: ForecastInputs, own: Pending) -> Pending:
             continue
         if exemplars and own.get(facade) in (None, EXEMPLAR_CHANGED):
             found.pop(facade, None)
-            if record.get("source") in sources:
+            if not sources.isdisjoint((record.get("source") or "").split(", ")):
                 found[facade] = EXEMPLAR_CHANGED
         from_panoramas = poses and "panoramas" in split_key(record["key"])
         if facade not in found and from_panoramas and not poses.isdisjoint(shown[facade]):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 
 from facade_core.core.types import AS_FOUND, SHIPPED_MODELS, FacadeCorrections, Pose, Privacy, TrainedModelFiles
 from tasks.engine.inputs import (
@@ -32,15 +33,24 @@ class ChosenExemplar:
     index : its index in the block.
     name : its name.
     key : key of the unit that prepared it.
+    ground_floor : exemplar whose ground floor it shows, None for its own, "plain" where no exemplar shows one well.
     """
 
     index: int
     name: str
     key: str = ""
+    ground_floor: ChosenExemplar | Literal["plain"] | None = None
 
-    def digest_content(self) -> tuple[str, str]:
+    def digest_content(self) -> tuple[object, ...]:
         """Return the values that stand for it in keys: its index differs between blocks."""
-        return self.name, self.key
+        other = self.ground_floor
+        return self.name, self.key, other.digest_content() if isinstance(other, ChosenExemplar) else other
+
+    @property
+    def names(self) -> str:
+        """Return its name and that of the exemplar whose ground floor it shows."""
+        other = self.ground_floor
+        return f"{self.name}, {other.name}" if isinstance(other, ChosenExemplar) else self.name
 
 
 @dataclass(frozen=True)

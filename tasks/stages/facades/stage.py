@@ -12,11 +12,12 @@ import shapely
 from catalogs.block.part import MAX_ENTRANCE_DISTANCE_M, CityPart
 from catalogs.block.reader import Block
 from catalogs.readers.pictures.folders import find_facade_photo
-from facade_core.atlas.journal import Record, read_journal
+from facade_core.atlas.journal import read_journal
 from facade_core.core.arrays import Int64Array
 from facade_core.core.name_hash import hash_name
 from facade_core.core.types import AS_FOUND, SHIPPED_MODELS, Pose, Street, TrainedModelFiles
 from facade_core.core.zarr_types import StoreGroup
+from facade_core.facade.exemplar_quality import ExemplarQuality
 from facade_core.geometry.settings import FACADE_WALLS
 from facade_core.imagery.cameras.exposure import estimate_common_exposure
 from facade_core.plan.doors import has_back_door, is_corner_facade
@@ -203,9 +204,11 @@ def _facade_exemplars(
     return chosen | stated, stated.keys()
 
 
-def _corrected_exemplars(plan: Plan, block: Block, records: Sequence[Record | None]) -> dict[int, ChosenExemplar]:
+def _corrected_exemplars(
+    plan: Plan, block: Block, records: Sequence[ExemplarRecord | None]
+) -> dict[int, ChosenExemplar]:
     """Return the exemplars that corrections name for the buildings of facades, if they could be prepared."""
-    usable = {one.name: one for one in (_chosen(i, r) for i, r in enumerate(records) if r and r["status"] == "done")}
+    usable = {one.name: one for one in usable_exemplars(records)[0]}
     found = {}
     for facade, building in enumerate(plan.facades.building.tolist()):
         name = block.corrections.value_correction(plan.scene.names[building], "exemplar")
@@ -288,31 +291,41 @@ def choose_facade_exemplars(
     -------
     chosen : exemplar by facade; empty if none could be prepared.
     """
-    usable = [(i, r) for i, r in enumerate(records) if r and r["status"] == "done"]
+    usable, library = usable_exemplars(records)
     facades = plan.facades
     if not usable or not len(facades):
         return {}
-    chosen = choose_exemplars(walls, exemplar_library([record for _, record in usable]), seed=seed)
+    chosen = choose_exemplars(walls, library, seed=seed)
     of_house = dict(zip(walls.building.tolist(), chosen.tolist(), strict=True))
-    own = [usable[of_house[number]] for number in facades.house.tolist()]
-    return {facade: _chosen(index, record) for facade, (index, record) in enumerate(own)}
+    return {facade: usable[of_house[number]] for facade, number in enumerate(facades.house.tolist())}
 
 
-def _chosen(index: int, record: Record) -> ChosenExemplar:
-    return ChosenExemplar(index, record["unit"], record["key"])
+def usable_exemplars(records: Sequence[ExemplarRecord | None]) -> tuple[list[ChosenExemplar], ExemplarLibrary]:
+    """Return the exemplars that could be prepared, each with the ground floor that it shows, and the library of them."""
+    done = [(index, record) for index, record in enumerate(records) if record and record["status"] == "done"]
+    library = exemplar_library([record for _, record in done])
+    plain = [ChosenExemplar(index, record["unit"], record["key"]) for index, record in done]
+    grounds = library.ground_floor.tolist()
+    return [
+        one if other == own else replace(one, ground_floor=plain[other] if other >= 0 else "plain")
+        for own, (one, other) in enumerate(zip(plain, grounds, strict=True))
+    ], library
 
 
 def exemplar_library(records: Sequence[ExemplarRecord]) -> ExemplarLibrary:
     """Return the exemplars of records as the library to choose from."""
+    parts = [ExemplarQuality(**record["quality_parts"]) for record in records]
     return ExemplarLibrary(
         [record["width_m"] for record in records],
         [record["height_m"] for record in records],
         [record["floors"] for record in records],
-        # where no facade was found in a picture all of it is a guess
-        [record["hidden"] if record.get("cut_found", True) else 1.0 for record in records],
-        [record["shaded"] for record in records],
         [record["shop_width"] for record in records],
-        [record["quality"] for record in records],
+        # where no facade was found in a picture all of it is a guess
+        [
+            quality.body if record.get("cut_found", True) else 0.0
+            for quality, record in zip(parts, records, strict=True)
+        ],
+        [quality.foot for quality in parts],
         [record["look"] for record in records],
     )
 

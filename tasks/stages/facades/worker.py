@@ -200,7 +200,7 @@ def _texture_from_exemplar(
     result = build_wall_from_exemplar(group, facade, inputs, size, wall_colour(beside), own)
     if result is None or given is None:
         return TexturedFacade("", None, "translator", nothing)
-    source = given.name if own is None else own.source
+    source = given.names if own is None else own.source
     return TexturedFacade("", _apply_correction(result, inputs), source, nothing)
 
 

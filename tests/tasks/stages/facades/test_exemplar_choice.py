@@ -7,9 +7,10 @@ from typing import Any, cast
 
 import numpy as np
 
+from facade_core.facade.exemplar_quality import ExemplarQuality
 from facade_core.plan.exemplar_choice import ExemplarTargetWalls
 from tasks.stages.facades.imagery import ChosenExemplar
-from tasks.stages.facades.stage import choose_facade_exemplars
+from tasks.stages.facades.stage import choose_facade_exemplars, usable_exemplars
 
 
 def test_a_picture_in_which_no_facade_was_found_is_used_last() -> None:
@@ -24,16 +25,39 @@ def test_a_picture_in_which_no_facade_was_found_is_used_last() -> None:
         "width_m": 12.0,
         "height_m": 10.0,
         "floors": 3,
-        "hidden": 0.0,
-        "shaded": 0.0,
         "shop_width": 0.0,
-        "quality": 1.0,
+        "quality_parts": dict.fromkeys(ExemplarQuality.__dataclass_fields__, 1.0),
     }
     smaller = fits | {"width_m": 10.0}
     records = [fits | {"unit": "a", "look": [0.0] * 9}, smaller | {"unit": "b", "look": [0.0] * 9}]
     assert choose_facade_exemplars(plan, cast(Any, records), walls, seed=1) == {0: ChosenExemplar(0, "a", "k")}
     records[0]["cut_found"] = False
     assert choose_facade_exemplars(plan, cast(Any, records), walls, seed=1) == {0: ChosenExemplar(1, "b", "k")}
+
+
+def test_an_exemplar_with_a_hidden_ground_floor_names_another() -> None:
+    whole = dict.fromkeys(ExemplarQuality.__dataclass_fields__, 1.0)
+    records = [
+        {
+            "status": "done",
+            "unit": name,
+            "key": "k",
+            "width_m": 12.0,
+            "height_m": 10.0,
+            "floors": 3,
+            "shop_width": 0.0,
+            "look": [0.0] * 9,
+            "quality_parts": whole | {"foot": foot},
+        }
+        for name, foot in (("a", 0.3), ("b", 1.0))
+    ]
+    seen, hidden = ChosenExemplar(1, "b", "k"), ChosenExemplar(0, "a", "k")
+    found, _ = usable_exemplars(cast(Any, records))
+    assert found == [ChosenExemplar(0, "a", "k", seen), seen]
+    assert found[0].names == "a, b"
+    assert found[0].digest_content() != hidden.digest_content()
+    found, _ = usable_exemplars(cast(Any, records[:1]))
+    assert found == [ChosenExemplar(0, "a", "k", "plain")]
 
 
 class _Facades:
