@@ -235,7 +235,7 @@ COLUMNS = (
         "translated", NUMBER, SHARE, "By the street stage", "Share of texels that the street stage painted",
         provenance_share(Provenance.TRANSLATED),
     ),
-    _recorded("source", TEXT, "", "Texture source", "Pictures or exemplar that the texture comes from"),
+    _recorded("source", TEXT, "", "Texture source", "Pictures or exemplars that the texture comes from"),
     _recorded(
         "capture_date", TEXT, "", "Picture date",
         "Capture day of the photo or the newest panorama, from the poses file or EXIF", is_common=True,

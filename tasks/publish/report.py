@@ -41,7 +41,7 @@ def write_block_report(
     images : images in the folder.
     """
     journals = {stage: [record for record in journal if record] for stage, journal in block.records_by_stage.items()}
-    used = Counter(row["source"] for row in rows.facades if row["synthesised"])
+    used = Counter(name for row in rows.facades if row["synthesised"] for name in row["source"].split(", "))
     notes = block.group.attrs.get("notes", [])
     facades = block.plan.facades
     reviewed: list[ItemRow] = [
