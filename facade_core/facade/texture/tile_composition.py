@@ -51,8 +51,8 @@ def compose_tiles(
     rows, columns = np.asarray(rows, np.int64), np.asarray(columns, np.int64)
     full_rows, full_columns = source_rows, source_columns
     across = len(source_columns) - 1
-    shrink_y = np.median(np.diff(rows)[:, None] / np.diff(source_rows)[tiles // across])
-    shrink_x = np.median(np.diff(columns)[None, :] / np.diff(source_columns)[tiles % across])
+    shrink_y = _typical_scale(np.diff(rows)[:, None], np.diff(source_rows)[tiles // across])
+    shrink_x = _typical_scale(np.diff(columns)[None, :], np.diff(source_columns)[tiles % across])
     if min(shrink_y, shrink_x) < 0.95:  # area filtering first, so that the bilinear warp works near scale 1
         height, width = image.shape[:2]
         small = max(4, round(height * min(1.0, shrink_y))), max(4, round(width * min(1.0, shrink_x)))
@@ -72,6 +72,12 @@ def compose_tiles(
     )
     fine = _render_labels(labels, cell, full_rows, full_columns, tiles, rows, columns)
     return np.clip(np.rint(out), 0, 255).astype(np.uint8), fine
+
+
+def _typical_scale(sizes: Int64Array, source_sizes: Float64Array) -> float:
+    """Return the median scale of cells (M, N) by their pixels along an axis: slivers do not count."""
+    sizes = np.broadcast_to(sizes, source_sizes.shape).ravel()
+    return float(np.median(np.repeat(sizes / source_sizes.ravel(), sizes)))
 
 
 @njit(cache=True)

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 
@@ -60,6 +61,21 @@ def test_tiles_in_their_own_order_show_the_exemplar():
         image, np.zeros((40, 60), np.uint8), grid, np.array([[0, 1]]), np.array([0, 40]), np.array([0, 30, 60])
     )
     np.testing.assert_allclose(own.astype(int), image, atol=1)
+
+
+def test_cells_without_width_do_not_smear_the_others():
+    """Piers of a pixel vanish beside a shop that fills the ground floor."""
+    image = np.random.default_rng(0).integers(0, 256, (40, 60, 3), dtype=np.uint8)
+    image = cv2.GaussianBlur(image, (0, 0), 2)
+    whole, _ = compose_tiles(
+        image,
+        np.zeros((40, 60), np.uint8),
+        Lattice((0, 40), (0, 1, 59, 60)),
+        np.array([[0, 1, 2]]),
+        np.array([0, 40]),
+        np.array([0, 0, 58, 58]),
+    )
+    np.testing.assert_allclose(whole[:, 5:-5].astype(int), image[:, 6:-6], atol=1)
 
 
 def test_a_seam_adds_no_sliver_of_a_window_and_cuts_none():
