@@ -15,7 +15,7 @@ MIN_SLOPE = 1.05
 # Largest difference of log(blue / green) between walls of one material: shade is bluer than sun,
 MAX_BLUE_DIFFERENCE = 0.2
 # and its log(red / green) is lower by half of that, as daylight of another temperature is; up to this difference.
-MAX_RED_DIFFERENCE = 0.1
+MAX_RED_DIFFERENCE = 0.13
 # Largest deviation of a channel's slope from their mean.
 MAX_CHANNEL_DEVIATION = 0.1
 # A wall in the shade of its picture may be darker than the lightest wall of its material by this factor.
