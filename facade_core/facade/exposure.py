@@ -12,9 +12,10 @@ from facade_core.core.arrays import Float64Array, UInt8Array
 MAX_SLOPE = 2.0
 # Walls whose slope would be smaller are as light as the lightest one.
 MIN_SLOPE = 1.05
-# Largest differences of log(red / green) and log(blue / green) between walls of one material; shade is bluer than sun.
-MAX_RED_DIFFERENCE = 0.1
+# Largest difference of log(blue / green) between walls of one material: shade is bluer than sun,
 MAX_BLUE_DIFFERENCE = 0.2
+# and its log(red / green) is lower by half of that, as daylight of another temperature is; up to this difference.
+MAX_RED_DIFFERENCE = 0.13
 # Largest deviation of a channel's slope from their mean.
 MAX_CHANNEL_DEVIATION = 0.1
 # A wall in the shade of its picture may be darker than the lightest wall of its material by this factor.
@@ -45,8 +46,8 @@ def level_wall_colours(colours: Sequence[Float64Array], exposures: Sequence[str]
     light = values.mean(axis=1)
     slopes = np.ones_like(values)
     for own in range(len(values)):
-        apart = np.abs(hue - hue[own])
-        alike = np.flatnonzero((apart[:, 0] <= MAX_RED_DIFFERENCE) & (apart[:, 1] <= MAX_BLUE_DIFFERENCE))
+        red, blue = (hue - hue[own]).T
+        alike = np.flatnonzero((np.abs(red + blue / 2) <= MAX_RED_DIFFERENCE) & (np.abs(blue) <= MAX_BLUE_DIFFERENCE))
         beside = np.array([wall for wall in alike.tolist() if exposures[wall] == exposures[own]])
         lightest, lead = (group[light[group].argmax()] for group in (alike, beside))
         exposed = _lighten_colour(values[own], _tone_slope(values[lead], values[lightest]))

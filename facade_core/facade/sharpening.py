@@ -8,7 +8,6 @@ import numpy as np
 
 from facade_core.core.arrays import AnyArray, BoolArray, Float32Array, UInt8Array
 from facade_core.core.provenance import Provenance
-from facade_core.core.resizing import resize_image
 from facade_core.core.types import Lattice
 from facade_core.facade.facade import Facade
 from facade_core.facade.variation.encoding import encode
@@ -23,14 +22,17 @@ LOW_PASS_TEXELS = 6
 FADE_TEXELS = 2
 
 
-def picture_detail(rgb: UInt8Array, seen: BoolArray, coarse: tuple[int, int]) -> Float32Array:
-    """Compute the detail of a picture that a coarser raster cannot hold: each texel over its low-pass.
+def picture_detail(rgb: UInt8Array, seen: BoolArray, coarse: UInt8Array, scale: float) -> Float32Array:
+    """Compute the detail of a picture that a coarser raster cannot hold: each texel over that of the coarse one, enlarged.
+
+    A low-pass of the picture itself is smoother than the coarse raster. Detail over it would count noise twice.
 
     Parameters
     ----------
     rgb : (h, w, 3) uint8.
     seen : (h, w) bool texels that the picture shows; others, and texels next to them, have no detail.
-    coarse : (height, width) of the coarser raster.
+    coarse : (height, width, 3) the picture at the coarser raster.
+    scale : texels per texel of the coarser raster.
 
     Returns
     -------
@@ -38,7 +40,7 @@ def picture_detail(rgb: UInt8Array, seen: BoolArray, coarse: tuple[int, int]) ->
     """
     import cv2
 
-    low = resize_image(resize_image(rgb, coarse), seen.shape)
+    low = enlarge_image(coarse, (rgb.shape[0], rgb.shape[1]), scale)
     detail = (rgb + np.float32(DETAIL_FLOOR)) / (low + np.float32(DETAIL_FLOOR))
     detail = np.clip(detail, np.float32(1 / MAX_DETAIL), np.float32(MAX_DETAIL))
     side = 2 * LOW_PASS_TEXELS + 1

@@ -8,6 +8,8 @@ import pytest
 from facade_core.facade.exposure import MAX_SHADE_RATIO, MAX_SLOPE, apply_tone_curve, level_wall_colours
 
 BRICK, PLASTER = np.array([101.0, 82, 83]), np.array([152.0, 138, 126])
+# Walls of one building at the IJ, in two panoramas.
+RED_BRICK, TAN_BRICK = np.array([76.0, 64, 67]), np.array([109.0, 101, 87])
 
 
 def lighten_colour(colour: np.ndarray, slope: np.ndarray) -> np.ndarray:
@@ -36,8 +38,17 @@ def test_a_darker_picture_is_lightened_with_its_shade() -> None:
     assert found[1].mean() / found[0].mean() == pytest.approx(0.75, abs=0.08), "as its picture shows it"
 
 
+def test_the_lift_amplifies_noise_no_more_than_light() -> None:
+    tones = np.arange(4, 251)
+    lit = apply_tone_curve(np.repeat(np.arange(256, dtype=np.uint8)[None, :, None], 3, axis=2), np.full(3, MAX_SLOPE))
+    light = lit[0, :, 0].astype(float)
+    growth = (light[tones + 4] - light[tones - 4]) / 8
+    assert (growth <= light[tones] / tones + 0.15).all()
+
+
 def test_walls_of_another_material_keep_their_exposure() -> None:
     np.testing.assert_array_equal(level_wall_colours([BRICK, PLASTER], ["a", "b"]), 1)
+    np.testing.assert_array_equal(level_wall_colours([RED_BRICK, TAN_BRICK], ["a", "b"]), 1)
     np.testing.assert_array_equal(level_wall_colours([BRICK], ["a"]), 1)
     assert level_wall_colours([], []).shape == (0, 3)
 

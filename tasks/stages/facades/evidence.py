@@ -26,6 +26,7 @@ from facade_core.imagery.rectify.fusion import ChartView, as_chart_view, fuse_vi
 from facade_core.imagery.rectify.model_texture import render_model_texture
 from facade_core.imagery.rectify.panorama import rectify_chart_from_panorama
 from facade_core.imagery.rectify.pictured_plane import camera_in_chart_frame, explain_other_planes
+from facade_core.imagery.rectify.veil import remove_veil
 from facade_core.parsing.occluders import clean_occluder_mask
 from facade_core.parsing.segmenter import parse
 from facade_core.plan.plan import Plan
@@ -252,8 +253,8 @@ def _view_of_panorama(
 
 
 def read_sharp_panorama(path: Path, pose: Pose) -> UInt8Array:
-    """Read a panorama (h, w, 3) uint8 without colour fringes; consecutive facades share it."""
-    return _read_without_fringes(path, *_file_stamps(path), max_picture_pixels(pose))
+    """Read a panorama (h, w, 3) uint8 without veil and colour fringes; consecutive facades share it."""
+    return _read_corrected(path, *_file_stamps(path), max_picture_pixels(pose))
 
 
 def _panorama_detections(path: Path, pose: Pose) -> FacesPlatesAndText:
@@ -270,8 +271,8 @@ def _file_stamps(path: Path) -> tuple[int, int]:
 
 
 @lru_cache(maxsize=1)
-def _read_without_fringes(path: Path, _size: int, _modified: int, max_pixels: int) -> UInt8Array:
-    return remove_colour_fringes(read_panorama(path, max_pixels))
+def _read_corrected(path: Path, _size: int, _modified: int, max_pixels: int) -> UInt8Array:
+    return remove_colour_fringes(remove_veil(read_panorama(path, max_pixels)))
 
 
 @lru_cache(maxsize=64)

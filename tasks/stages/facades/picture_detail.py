@@ -62,7 +62,8 @@ def _photo_detail(photo: FacadeCrop, size: tuple[int, int], coarse: tuple[int, i
     height, width = shape = (round(coarse[0] * scale), round(coarse[1] * scale))
     hidden = resize_image(photo.hidden.astype(np.uint8), shape) > 0
     detail = np.ones((*np.maximum(size, shape), 3), np.float32)
-    detail[:height, :width] = picture_detail(resize_image(photo.image, shape), ~hidden, coarse)
+    fine, low = (resize_image(photo.image, of) for of in (shape, coarse))
+    detail[:height, :width] = picture_detail(fine, ~hidden, low, scale)
     return detail[: size[0], : size[1]]
 
 
@@ -77,6 +78,9 @@ def _panorama_detail(
     for number, (path, pose) in enumerate(evidence.pictures, 1):
         own = source == number
         if own.any():
-            view = rectify_chart_from_panorama(plan.scene, chart, read_sharp_panorama(path, pose), pose, size)
-            detail[own] = picture_detail(view.rgb, view.seen, coarse)[own]
+            image = read_sharp_panorama(path, pose)
+            view = rectify_chart_from_panorama(plan.scene, chart, image, pose, size)
+            extent = np.array(coarse[::-1]) / plan.street_density[chart]
+            low = rectify_chart_from_panorama(plan.scene, chart, image, pose, coarse, extent=extent)
+            detail[own] = picture_detail(view.rgb, view.seen, low.rgb, scale)[own]
     return detail

@@ -51,7 +51,9 @@ def coarse_facade(image: np.ndarray, light: float = 1.0) -> Facade:
 def test_photographed_texels_are_the_evidence_beside_what_hides_the_facade(painted: np.ndarray) -> None:
     coarse = coarse_facade(painted)
     coarse = replace(coarse, evidence=np.where(coarse.occluded[..., None], 230, coarse.evidence).astype(np.uint8))
-    made = sharpen_facade(coarse, picture_detail(painted, np.ones(FINE, bool), COARSE), SCALE)
+    made = sharpen_facade(
+        coarse, picture_detail(painted, np.ones(FINE, bool), resize_image(painted, COARSE), SCALE), SCALE
+    )
     photo = made.provenance == Provenance.PHOTO
     np.testing.assert_array_equal(made.image[photo], made.evidence[photo])
     assert made.evidence[~photo].mean() > 220
@@ -62,7 +64,7 @@ def test_photographed_texels_are_those_of_the_picture_in_the_light_of_the_facade
     painted: np.ndarray, light: float
 ) -> None:
     coarse = coarse_facade(painted, light)
-    detail = picture_detail(painted, np.ones(FINE, bool), COARSE)
+    detail = picture_detail(painted, np.ones(FINE, bool), resize_image(painted, COARSE), SCALE)
     made = sharpen_facade(coarse, detail, SCALE)
     wanted = light * painted[:100].astype(float)
     before = enlarge_image(coarse.image, FINE, SCALE)[:100]
@@ -72,6 +74,15 @@ def test_photographed_texels_are_those_of_the_picture_in_the_light_of_the_facade
     np.testing.assert_array_equal(made.image[130:], 90)
     assert made.hierarchy is not None
     assert made.hierarchy.reconstruct(len(made.hierarchy.levels) - 1).shape == (*FINE, 3)
+
+
+def test_noise_of_a_picture_does_not_grow() -> None:
+    noise = np.random.default_rng(5).normal(50, 4, (*FINE, 3))
+    picture = np.clip(noise, 0, 255).astype(np.uint8)
+    detail = picture_detail(picture, np.ones(FINE, bool), resize_image(picture, COARSE), SCALE)
+    made = sharpen_facade(coarse_facade(picture), detail, SCALE)
+    shown = (slice(10, 100), slice(10, -10))
+    assert np.abs(made.image[shown].astype(int) - picture[shown]).max() <= 1
 
 
 def test_the_layout_is_scaled_and_stays_within_the_raster(painted: np.ndarray) -> None:
@@ -88,7 +99,8 @@ def test_the_layout_is_scaled_and_stays_within_the_raster(painted: np.ndarray) -
 
 def test_there_is_no_detail_beside_what_a_picture_does_not_show(painted: np.ndarray) -> None:
     seen = np.arange(FINE[1]) < np.full((FINE[0], 1), 150)
-    detail = picture_detail(np.where(seen[..., None], painted, 0).astype(np.uint8), seen, COARSE)
+    shown = np.where(seen[..., None], painted, 0).astype(np.uint8)
+    detail = picture_detail(shown, seen, resize_image(shown, COARSE), SCALE)
     assert (detail[:, 144:] == 1).all()
     assert (detail[:, :140] != 1).any()
 
