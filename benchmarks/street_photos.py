@@ -4,10 +4,12 @@ Of each photo: the photo with the outline of the facade that was found in it, th
 the facade, black where something stands before it), what the run says of it, and the verdict by eye out of street_photos.json:
 good, small flaws, visible flaws, unusable, refused. taken: photos as taken, of RueMonge, the Swiss street photos and
 labelmefacade; rectified: rectified photos with trees and cars, of Art-Deco and ECP. Thresholds were chosen on the photos of
-the halves `tuned` and `tuned_2`; those of `judged` and `judged_2` were judged once. before and after: the two
-changes of docs/decisions/0122; of the second halves the later one.
+the halves `tuned`, `tuned_2` and `tuned_3`; those of `judged`, `judged_2` and `judged_3` were judged once. before and after:
+the three changes of docs/decisions/0122, one of each pair of halves. The third halves are drawn by chance from the photos that
+pass the check for daylight and, of labelmefacade, have a building in most of their middle; their verdicts are of the finished
+texture.
 --seconds: processor seconds and segmentations of photos that are used, from file to completed facade.
-The sheet in docs/look is drawn with --licensed, of both judged halves.
+The sheet in docs/look is drawn with --licensed, of all judged halves.
 """
 
 from __future__ import annotations
@@ -37,7 +39,7 @@ from tasks.stages.facades.imagery import FacadeImagery
 from tasks.stages.facades.photos import crop_facade_photo
 from tasks.stages.shared.images import read_bounded_picture
 
-HALVES = ("tuned", "judged", "tuned_2", "judged_2")
+HALVES = ("tuned", "judged", "tuned_2", "judged_2", "tuned_3", "judged_3")
 VERDICTS = ("good", "small flaws", "visible flaws", "unusable", "refused")
 # Folders of sets whose licence permits a copy of their pictures.
 LICENSED = ("facades/ecp/", "streetphotos/swiss/")

@@ -31,10 +31,9 @@ from facade_core.facade.sky_removal import count_sky_rows
 from facade_core.facade.texture.scale import exemplar_scale
 from facade_core.imagery.detect.facade_detection import detect_on_facade
 from facade_core.imagery.rectify.building_crop import crop_to_building
-from facade_core.imagery.rectify.level_lines import measure_level_slope
+from facade_core.imagery.rectify.level_lines import find_slope
 from facade_core.imagery.rectify.no_data import no_data_mask
 from facade_core.imagery.rectify.photo import rectify
-from facade_core.imagery.rectify.settings import LEVEL_LINES
 from facade_core.parsing.elements import elements
 from facade_core.parsing.floor_structure import FloorsAndBays, count_floors, fill_sky_and_unknown, find_floors_and_bays
 
@@ -99,7 +98,7 @@ def harvest_facade(
     cut = crop_to_building(rectified.image, ~rectified.seen, middle[0] / middle[2], aspect=None, is_day=True)
     if not cut.has_facade:
         raise ImageError("no facade is found in it")
-    if (slope := measure_level_slope(cut.image, cut.hidden | cut.outside)) > LEVEL_LINES.max_level_slope_deg:
+    if (slope := find_slope(cut.image, cut.hidden | cut.outside)) is not None:
         raise ImageError(f"its level lines still slope by {slope:.0f} degrees")
     _require_size(cut.hidden)
     image, hidden, outside = _limit_size(cut.image, cut.hidden, cut.outside)

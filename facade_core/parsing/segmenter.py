@@ -147,6 +147,11 @@ def _parse(segmentation: Segmentation, hidden: BoolArray, nearest: _Places | Non
     return Parsing(labels, confidence, hidden | _enlarge(_occluder_regions(occluder), height, width))
 
 
+def occluder_mask(segmentation: Segmentation, shape: tuple[int, int]) -> BoolArray:
+    """Mask (H, W) the trees, cars and the like of a segmented picture of a shape."""
+    return _enlarge(_occluder_regions(segmentation.occluder), *shape)
+
+
 def _occluder_regions(probability: Float32Array) -> BoolArray:
     """Occluder mask (H, W) bool from the probability at each pixel."""
     from skimage.filters import apply_hysteresis_threshold

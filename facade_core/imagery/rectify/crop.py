@@ -238,12 +238,14 @@ def find_facade_box(outside: BoolArray, hidden: BoolArray) -> Box | None:
 
 
 def _touching_border(outside: BoolArray) -> BoolArray:
-    """Components that touch the border: "sky" inside a facade is a pane or a gap in a balcony."""
+    """Components that touch the border: "sky" inside a facade is a pane or a gap in a balcony, high "street" a gate."""
     import cv2
 
-    count, parts = cv2.connectedComponents(outside.astype(np.uint8), connectivity=4)
+    count, parts, boxes, _ = cv2.connectedComponentsWithStats(outside.astype(np.uint8), connectivity=4)
     reaches = np.zeros(count, bool)
-    for edge in (parts[0], parts[-1], parts[:, 0], parts[:, -1]):
+    reaches[parts[-1]] = True
+    reaches &= boxes[:, cv2.CC_STAT_HEIGHT] <= CROP.max_street_share * len(outside)
+    for edge in (parts[0], parts[:, 0], parts[:, -1]):
         reaches[edge] = True
     reaches[0] = False
     is_touching: BoolArray = reaches[parts]

@@ -9,8 +9,8 @@ from facade_core.imagery.rectify.line_segments import detect_segments_in_grey
 from facade_core.imagery.rectify.settings import LEVEL_LINES
 
 
-def measure_level_slope(image: UInt8Array, hidden: BoolArray) -> float:
-    """Return the median angle of a facade's level lines to the rows, weighted by length, in degrees.
+def find_slope(image: UInt8Array, hidden: BoolArray) -> float | None:
+    """Return the median angle to the rows of a facade's level lines, weighted by length, if its plane is not rectified.
 
     Parameters
     ----------
@@ -19,34 +19,16 @@ def measure_level_slope(image: UInt8Array, hidden: BoolArray) -> float:
 
     Returns
     -------
-    Degrees; 0 for fewer than LEVEL_LINES.min_lines lines.
+    Degrees; None of a rectified facade, and of fewer than LEVEL_LINES.min_lines lines.
     """
     slope, length = _level_lines(image, hidden)
-    return _median_slope(slope, length)
-
-
-def find_unrectified_slope(image: UInt8Array, hidden: BoolArray) -> float | None:
-    """Return the slope in degrees of the level lines of a picture that is stated as rectified and is not, else None.
-
-    Parameters as of `measure_level_slope`.
-    """
-    slope, length = _level_lines(image, hidden)
-    median = _median_slope(slope, length)
-    if (
-        median <= LEVEL_LINES.max_level_slope_deg
-        or length[slope < LEVEL_LINES.max_level_deg].sum() >= LEVEL_LINES.min_level_share * length.sum()
-    ):
-        return None
-    return median
-
-
-def _median_slope(slope: Float64Array, length: Float64Array) -> float:
-    """Return the median of slopes by length; 0 for fewer than LEVEL_LINES.min_lines lines."""
     if len(slope) < LEVEL_LINES.min_lines:
-        return 0.0
+        return None
     order = np.argsort(slope)
     total = np.cumsum(length[order])
-    return float(slope[order][np.searchsorted(total, total[-1] / 2)])
+    median = float(slope[order][np.searchsorted(total, total[-1] / 2)])
+    is_level = length[slope < LEVEL_LINES.max_level_deg].sum() >= LEVEL_LINES.min_level_share * length.sum()
+    return None if is_level or median <= LEVEL_LINES.max_level_slope_deg else median
 
 
 def _level_lines(image: UInt8Array, hidden: BoolArray) -> tuple[Float64Array, Float64Array]:

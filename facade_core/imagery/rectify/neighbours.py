@@ -41,6 +41,8 @@ BIAS = -20.0
 MIN_FACADE_ASPECT = 0.25
 # Columns farther from the photo's middle than this share of its width count nothing.
 MAX_CENTRE_DISTANCE = 0.75
+# The photo's middle is on its facade, or at most this share of the height beside it.
+MAX_AIM_ERROR = 0.05
 # Smallest share of a crop that the photo shows.
 MIN_SEEN_SHARE = 0.5
 # Weight of the share that a facade has of the columns around the photo's middle.
@@ -171,7 +173,7 @@ def choose_sides(
     """Choose the columns of the facade that a photo is meant for: the most probable pair of sides.
 
     The sides are gaps or ends of the picture. Gaps within the facade are no party walls, and its sides are; the
-    facade is wide, near what the photo was pointed at, and of the wall's proportions if these are known; if not, it has
+    facade is wide, the photo was pointed at it, and it has the wall's proportions if these are known; if not, it has
     at least two columns of windows. A part of the picture that is mostly not seen is no facade.
 
     Parameters
@@ -196,10 +198,11 @@ def choose_sides(
         return 0, width
     total = np.concatenate([[0.0], np.cumsum(weight / weight.sum())])
     area = np.concatenate([[0.0], np.cumsum(seen)])
+    aim, reach = min(max(centre, 0.0), float(width)), MAX_AIM_ERROR * height
     best, chosen = -np.inf, (0, width)
     for k, (left, left_cost) in enumerate(sides):
         for right, right_cost in sides[k + 1 :]:
-            if right - left < MIN_FACADE_ASPECT * height:
+            if right - left < MIN_FACADE_ASPECT * height or not left - reach <= aim <= right + reach:
                 continue
             within = (columns > left) & (columns < right)
             is_part = (left, right) != (0, width)

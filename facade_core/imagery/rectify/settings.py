@@ -330,6 +330,7 @@ class PhotoFit:
     Attributes
     ----------
     max_stretch : a photo whose facade is so many times too wide or too high for its wall shows another wall.
+    min_seen_share : a photo as taken shows at least this share of its facade; of less most would be invented.
     max_enlargement : a photo that is enlarged by more than this is blurred on its wall.
     legible_score : lines of text are legible from this score and number of letters on.
     legible_letters : the second number of legible_score
@@ -338,6 +339,7 @@ class PhotoFit:
     """
 
     max_stretch: float = 2.5
+    min_seen_share: float = 0.4
     max_enlargement: float = 2.0
     legible_score: float = 0.85
     legible_letters: int = 4

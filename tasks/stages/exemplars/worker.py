@@ -23,7 +23,7 @@ from facade_core.export.pictures.occlusion_overlay import draw_crop_preview
 from facade_core.facade.exemplar import Exemplar, prepare_exemplar
 from facade_core.imagery.detect.detection import detect_faces_plates_text, detectors_available
 from facade_core.imagery.privacy import apply_privacy
-from facade_core.imagery.rectify.level_lines import find_unrectified_slope
+from facade_core.imagery.rectify.level_lines import find_slope
 from facade_core.imagery.rectify.no_data import no_data_mask
 from facade_core.plan.exemplar_style import style_descriptor
 from tasks.engine.atlas import Atlas
@@ -106,7 +106,7 @@ def prepare_picture(inputs: ExemplarInputs) -> PreparedExemplar:
         seed=inputs.seed,
     )
     x0, y0, x1, y1 = prepared.box
-    slope = find_unrectified_slope(picture.rgb[y0:y1, x0:x1], hidden[y0:y1, x0:x1] | prepared.occluded)
+    slope = find_slope(picture.rgb[y0:y1, x0:x1], hidden[y0:y1, x0:x1] | prepared.occluded)
     if slope is not None:
         raise ImageError(
             f"its level lines slope by {slope:.0f} degrees; it is not rectified: `streetloom harvest` makes exemplars from "

@@ -19,11 +19,12 @@ from facade_core.imagery.detect.detection import detect_faces_plates_text
 from facade_core.imagery.detect.text import TextLine
 from facade_core.imagery.rectify.building_crop import crop_to_building
 from facade_core.imagery.rectify.crop import FacadeCrop
-from facade_core.imagery.rectify.level_lines import find_unrectified_slope, measure_level_slope
+from facade_core.imagery.rectify.level_lines import find_slope
 from facade_core.imagery.rectify.no_data import no_data_mask
 from facade_core.imagery.rectify.photo import REMEDY, Rectified, rectify
 from facade_core.imagery.rectify.photo_state import check_daylight
-from facade_core.imagery.rectify.settings import LEVEL_LINES, PHOTO_FIT
+from facade_core.imagery.rectify.settings import PHOTO_FIT
+from facade_core.parsing.segmenter import occluder_mask
 from tasks.stages.shared.images import read_photo
 
 BLURRED = "it has less than half of its wall's texels, across or down, and is blurred there; give a larger photo"
@@ -132,7 +133,7 @@ def crop_picture(
 
     Raises
     ------
-    ImageError : it cannot be rectified, is upside down, was taken at night, or shows no one facade.
+    ImageError : it cannot be rectified, is upside down, was taken at night, or shows no one facade or too little of it.
     """
     notes, shape = [], picture.hidden.shape
     if rectified:
@@ -150,20 +151,24 @@ def crop_picture(
         cut = crop_to_building(image, hidden, middle[0] / middle[2], aspect, is_day=not rectified, model=models)
     except ImageError as error:
         raise ImageError(f"{name}: {error}") from error
-    _require_level(cut, name, rectified)
+    _check_facade(cut, name, rectified)
     return replace(cut, notes=(*notes, *cut.notes), kept=cut.hidden.size / hidden.size, homography=homography)
 
 
-def _require_level(cut: FacadeCrop, name: str, rectified: bool) -> None:
-    """Raise ImageError for a facade whose level lines slope."""
+def _check_facade(cut: FacadeCrop, name: str, rectified: bool) -> None:
+    """Raise ImageError for a facade whose level lines slope, and for one in a photo as taken that is mostly hidden."""
     beside = cut.hidden | cut.outside
-    if not rectified and (slope := measure_level_slope(cut.image, beside)) > LEVEL_LINES.max_level_slope_deg:
-        raise ImageError(f"{name}: its level lines slope by {slope:.0f} degrees; {REMEDY}")
-    if rectified and (unrectified := find_unrectified_slope(cut.image, beside)) is not None:
-        raise ImageError(
-            f"{name}: its level lines slope by {unrectified:.0f} degrees: it is not rectified; rectify it, or if all "
-            "photos are as taken, set `rectified: false`"
-        )
+    if cut.segmentation is not None:
+        beside |= occluder_mask(cut.segmentation, beside.shape)
+    seen = 1 - beside.mean()
+    if not rectified and seen < PHOTO_FIT.min_seen_share:
+        raise ImageError(f"{name}: only {seen:.0%} of its facade is seen beside trees, cars and the like; {REMEDY}")
+    if (slope := find_slope(cut.image, beside)) is None:
+        return
+    remedy = "it is not rectified; rectify it, or if all photos are as taken, set `rectified: false`"
+    raise ImageError(
+        f"{name}: its level lines slope by {slope:.0f} degrees{': ' + remedy if rectified else '; ' + REMEDY}"
+    )
 
 
 def is_mirrored(image: UInt8Array, lines: Sequence[TextLine]) -> bool:

@@ -196,3 +196,11 @@ def test_a_street_below_the_foot_is_told_and_bare_walls_stay(monkeypatch: pytest
     hidden[90:, 30:80] = True
     assert not wall_surroundings_mask(image, hidden).any()
     assert not wall_surroundings_mask(image, np.ones_like(hidden)).any()
+
+
+def test_a_gate_that_looks_like_street_is_part_of_the_facade() -> None:
+    outside = np.zeros((100, 80), bool)
+    outside[92:, 10:30] = outside[50:, 50:65] = True
+    kept = crop.crop_to_box(np.zeros((100, 80, 3), np.uint8), np.zeros_like(outside), outside, (0, 0, 80, 100)).outside
+    assert kept[92:, 10:30].all()
+    assert not kept[:, 50:65].any()

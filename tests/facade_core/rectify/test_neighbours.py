@@ -85,6 +85,11 @@ def test_what_the_photo_was_pointed_at_is_taken() -> None:
     assert choose([], (600, 1000), 500.0) == (0, 1000)
 
 
+def test_a_wider_neighbour_is_not_taken_for_the_house_that_the_photo_was_pointed_at() -> None:
+    gaps = [gap(100, False), gap(200, True), gap(500, False), gap(700, False)]
+    assert choose(gaps, (600, 1000), 150.0) == (0, 200)
+
+
 def test_nothing_is_cut_off_where_the_photo_was_pointed_beside_the_picture() -> None:
     assert choose([gap(300, True), gap(700, True)], (600, 1000), 9000.0) == (0, 1000)
 

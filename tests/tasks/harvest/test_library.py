@@ -284,7 +284,7 @@ def test_a_facade_of_a_few_pixels_is_refused_in_plain_words(monkeypatch: pytest.
         return crop_to_box(image, hidden, np.zeros_like(hidden), (200, 100, 207, 224))
 
     monkeypatch.setattr("facade_core.facade.harvesting.crop_to_building", crop_to_strip)
-    monkeypatch.setattr("facade_core.facade.harvesting.measure_level_slope", lambda *_: 0.0)
+    monkeypatch.setattr("facade_core.facade.harvesting.find_slope", lambda *_: None)
     with pytest.raises(ImageError, match="7 x 124 pixels are too little of a facade"):
         harvest_facade(street_photo(), None)
 

@@ -18,9 +18,9 @@ from facade_core.core.errors import ImageError
 from facade_core.imagery.detect.detection import FacesPlatesAndText, detectors_available
 from facade_core.imagery.detect.text import TextLine
 from facade_core.imagery.rectify.crop import FacadeCrop
-from facade_core.imagery.rectify.level_lines import find_unrectified_slope, measure_level_slope
+from facade_core.imagery.rectify.level_lines import find_slope
 from facade_core.imagery.rectify.photo_state import check_daylight, check_photo_state
-from facade_core.imagery.rectify.settings import LEVEL_LINES
+from facade_core.imagery.rectify.settings import PHOTO_FIT
 from facade_core.parsing.segmenter import Surroundings
 from tasks.stages.facades.evidence import read_evidence
 from tasks.stages.facades.imagery import FacadeImagery
@@ -188,9 +188,19 @@ def test_braces_of_a_rectified_facade_are_no_slope() -> None:
     for column in range(0, 600, 40):
         cv2.line(facade, (column, 600), (column + 800, 200), (60, 50, 40), 6)
         cv2.line(facade, (column, 200), (column - 800, 600), (60, 50, 40), 6)
-    nothing = np.zeros((600, 600), bool)
-    assert measure_level_slope(facade, nothing) > LEVEL_LINES.max_level_slope_deg
-    assert find_unrectified_slope(facade, nothing) is None
+    assert find_slope(facade, np.zeros((600, 600), bool)) is None
+
+
+def test_a_facade_that_is_mostly_hidden_is_refused_in_a_photo_as_taken(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "w1-f8.png"
+    Image.fromarray(from_below(OUTDOORS)).save(path)
+    is_tree = np.zeros(crop_facade_photo(path, False).hidden.shape, bool)
+    is_tree[:, round(PHOTO_FIT.min_seen_share * is_tree.shape[1]) :] = True
+    monkeypatch.setattr("tasks.stages.facades.photos.occluder_mask", lambda *_: is_tree)
+    with pytest.raises(ImageError, match=r"w1-f8\.png: only \d+% of its facade is seen beside trees, .*; take it from"):
+        crop_facade_photo(path, False)
 
 
 def test_a_small_photo_is_said_to_be_blurred(tmp_path: Path) -> None:
