@@ -14,7 +14,7 @@ from facade_core.core.errors import InputError
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.export.earth import georeference_tiles
 from tasks.export.registry import FACTORED
-from tasks.export.relief import OFF, add_requested_relief
+from tasks.export.relief import add_requested_relief
 from tasks.publish.published_run import PublishedBlock
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ def write_glb_models(
     textures: str | None = None,
     lit: bool | None = None,
     night: bool = False,
-    relief: str = OFF,
+    relief: str | None = None,
 ) -> tuple[list[str], list[str]]:
     """Write block.glb with a node for each building, and buildings/ID.glb, in the block's local frame.
 
@@ -161,6 +161,7 @@ def write_3dtiles(
     lit: bool | None = None,
     night: bool = False,
     crs: str | None = None,
+    relief: str | None = None,
 ) -> tuple[list[str], list[str]]:
     """Write tileset.json and its georeferenced tiles, with the catalogue's columns as metadata.
 
@@ -174,6 +175,7 @@ def write_3dtiles(
     lit : relight materials; see `mesh_with_requested_lighting`.
     night : bake night emission.
     crs : NATIVE_CRS: the block's own; None: earth-centred; see `georeference_tiles`.
+    relief : elements as geometry in the finest tiles; see `add_requested_relief`.
 
     Returns
     -------
@@ -227,7 +229,13 @@ def write_3dtiles(
         report_progress("export", 1)
 
     tiled = write_tileset(
-        TiledModel(source, shells, frame, build_feature_table(results)),
+        TiledModel(
+            source,
+            shells,
+            frame,
+            build_feature_table(results),
+            add_requested_relief(results, source, buildings, relief),
+        ),
         cells,
         TileSettings(encoded, scale, time),
         write,
