@@ -172,7 +172,7 @@ class TextureSettings(IngestSettings):
             "Windows, doors, shops and balconies of published models: in depth (`elements`), or flat (`off`).",
             effect=Effect.UNITS,
         ),
-    ] = "off"
+    ] = "elements"
     roof_material: Annotated[
         MaterialPictureSettings | None,
         Key("Texture of roofs without imagery; by default material fields of tiles and sheet metal."),

@@ -26,6 +26,11 @@ def facade_elements(results: PublishedBlock, buildings: IntArray) -> dict[int, l
     return {chart: own for chart, own in elements.items() if is_chosen[chart]}
 
 
+def is_relief_requested(results: PublishedBlock, relief: str | None) -> bool:
+    """Return whether elements are geometry: by an option, ELEMENTS or OFF, or by the block key `texture.relief`."""
+    return (results.group.attrs.get("relief", OFF) if relief is None else relief) == ELEMENTS
+
+
 def add_requested_relief(
     results: PublishedBlock, source: TexturedMesh, buildings: IntArray, relief: str | None
 ) -> TexturedMesh:
@@ -36,9 +41,10 @@ def add_requested_relief(
     results : published results of a block.
     source : flat mesh.
     buildings : (n,) indices of buildings.
-    relief : ELEMENTS or OFF; None: as the block key `texture.relief` states.
+    relief : see `is_relief_requested`.
     """
     from facade_core.export.bodies.textured_relief import add_relief
 
-    wanted = results.group.attrs.get("relief", OFF) if relief is None else relief
-    return add_relief(source, facade_elements(results, buildings)) if wanted == ELEMENTS else source
+    if not is_relief_requested(results, relief):
+        return source
+    return add_relief(source, facade_elements(results, buildings))

@@ -66,7 +66,7 @@ def write_usd(
     )
 
     import_usd_library()
-    source, notes = mesh_with_requested_lighting(results, lit, night, lit_by_default=True)
+    source, notes = mesh_with_requested_lighting(results, lit, night, relief, lit_by_default=True)
     source = add_requested_relief(results, source, buildings, relief)
     drawn = pack_charts_on_pages(source, source.select_charts(append_ground_index(results, buildings)))
     frame = ZUpFrame(mesh_y_up_frame(results.plan.scene.mesh).origin)
