@@ -74,6 +74,7 @@ def tile_inputs(
     layouts = [(place, tuple(elements[c])) for place, c in enumerate(tile.charts.tolist()) if elements.get(c)]
     # a balcony needs room before other buildings
     _, near = plan.scene.charts.pairs_within(tile.charts[[place for place, _ in layouts]], MAX_ELEMENT_DEPTH_M)
+    near = near[plan.scene.charts.building[near] >= 0]
     things = np.unique(plan.scene_objects.chart_object[np.concatenate([tile.charts, near])])
     objects = tuple(f"{digest:016x}" for digest in plan.scene_objects.digest[things].tolist())
     return TileInputs(
