@@ -37,7 +37,7 @@ from facade_core.export.pictures.rendering import average_samples
 from facade_core.geometry.raycast import MISS, RayCaster
 from facade_core.street.lighting.sky import backdrop_colour
 from tasks.export.models import mesh_with_requested_lighting
-from tasks.export.relief import facade_elements
+from tasks.export.relief import OFF, facade_elements
 from tasks.publish.published_run import PublishedBlock, open_published_run
 
 IN_DEPTH = ("window", "door", "shop", "balcony")
@@ -149,7 +149,7 @@ def measure(out: Path, sheet: Path | None) -> dict[str, Any]:
         depth = partial(count_in_depth, relief)
         known = sum(e.label in IN_DEPTH for chart in elements for e in elements[chart])
         built = sum(map(depth, changed))
-        lit, _ = mesh_with_requested_lighting(results, True, False, lit_by_default=True)
+        lit, _ = mesh_with_requested_lighting(results, True, False, OFF, lit_by_default=True)
         figures = {
             "elements": known,
             "elements_in_depth": built,

@@ -166,6 +166,13 @@ class TextureSettings(IngestSettings):
             effect=Effect.UNITS,
         ),
     ] = True
+    relief: Annotated[
+        Literal["off", "elements"],
+        Key(
+            "Windows, doors, shops and balconies of published models: in depth (`elements`), or flat (`off`).",
+            effect=Effect.UNITS,
+        ),
+    ] = "elements"
     roof_material: Annotated[
         MaterialPictureSettings | None,
         Key("Texture of roofs without imagery; by default material fields of tiles and sheet metal."),

@@ -174,9 +174,8 @@ def _with_formats(option: str) -> str:
 @click.option(
     "--relief",
     type=click.Choice(["off", "elements"]),
-    default="off",
-    show_default=True,
-    help=f"{_with_formats('relief')} elements sets windows, doors and shops back into the walls and brings balconies out.",
+    help=f"{_with_formats('relief')} elements sets windows, doors and shops back into the walls and brings balconies out.  "
+    "[default: texture.relief of the block]",
 )
 def export(
     folder: Folder,
@@ -188,7 +187,7 @@ def export(
     lit: bool | None,
     night: bool,
     crs: str | None,
-    relief: str,
+    relief: str | None,
 ) -> None:
     """Export the products of a run, or of all blocks of a city, for other programs.
 

@@ -45,7 +45,7 @@ def export_run(
     lit: bool | None = None,
     night: bool = False,
     crs: str | None = None,
-    relief: str = OFF,
+    relief: str | None = None,
 ) -> ExportResult:
     """Export the published results of a run, or of all blocks of a city.
 
@@ -67,7 +67,8 @@ def export_run(
     lit : glb, 3dtiles and usd: materials react to light.
     night : glb, 3dtiles and usd: windows emit light.
     crs : 3dtiles only: "native" gives coordinates in the block's CRS; None: earth-centred (EPSG:4978).
-    relief : glb, obj and usd: "elements" gives windows, doors, shops and balconies as geometry; "off" leaves walls flat.
+    relief : glb, 3dtiles, obj and usd: "elements" gives windows, doors, shops and balconies as geometry; "off" leaves walls
+        flat; None: as the block key `texture.relief` states.
 
     Raises
     ------
@@ -77,7 +78,7 @@ def export_run(
         raise InputError(f"--format {format}: not known; choose {', '.join(FORMATS)}")
     if crs not in (None, NATIVE_CRS):
         raise InputError(f"--crs {crs}: is not written; use {NATIVE_CRS}, the block's own, or leave it out")
-    if relief not in (OFF, ELEMENTS):
+    if relief not in (None, OFF, ELEMENTS):
         raise InputError(f"--relief {relief}: is not known; use {ELEMENTS} or {OFF}")
     asked = {
         "textures": textures,
@@ -85,7 +86,7 @@ def export_run(
         "lit": lit,
         "night": night or None,
         "crs": crs,
-        "relief": None if relief == OFF else relief,
+        "relief": relief,
     }
     options = {name: value for name, value in asked.items() if value is not None}
     entry = FORMATS[format]

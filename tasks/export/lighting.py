@@ -14,8 +14,8 @@ from tasks.publish.published_run import PublishedBlock
 from tasks.stages.shared.materials import rebuild_material_field
 
 
-def relighting_inputs(results: PublishedBlock) -> RelightingInputs:
-    """Read the inputs of relighting.
+def relighting_inputs(results: PublishedBlock, *, has_relief: bool = False) -> RelightingInputs:
+    """Read the inputs of relighting; `has_relief` if the elements of facades are geometry.
 
     Stores from before the sun was recorded have none; the light of their colours stays.
     """
@@ -42,6 +42,7 @@ def relighting_inputs(results: PublishedBlock) -> RelightingInputs:
         plan.ids.tolist(),
         Sun(*map(float, stated)) if stated else None,
         texels,
+        has_relief,
     )
 
 

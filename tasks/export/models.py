@@ -14,7 +14,7 @@ from facade_core.core.errors import InputError
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.export.earth import georeference_tiles
 from tasks.export.registry import FACTORED
-from tasks.export.relief import OFF, add_requested_relief
+from tasks.export.relief import add_requested_relief, is_relief_requested
 from tasks.publish.published_run import PublishedBlock
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ TEXTURE_FOLDER = "textures"
 
 
 def mesh_with_requested_lighting(
-    results: PublishedBlock, lit: bool | None, night: bool, *, lit_by_default: bool
+    results: PublishedBlock, lit: bool | None, night: bool, relief: str | None, *, lit_by_default: bool
 ) -> tuple[TexturedMesh, list[str]]:
     """Return the mesh of a block, relit if requested, and notes.
 
@@ -38,6 +38,7 @@ def mesh_with_requested_lighting(
     results : published results of a block.
     lit : True: relight; False: keep colours; None: decide by `lit_by_default` and the share of photographs.
     night : night emission is requested.
+    relief : elements as geometry, which maps then leave to it; see `is_relief_requested`.
     lit_by_default : the format is lit by default.
 
     Raises
@@ -55,7 +56,8 @@ def mesh_with_requested_lighting(
             raise InputError("--night: is of what is lit; leave --no-lit out")
         whose = "its textures are the source's own photographs: models show them unlit; --lit has them lit all the same"
         return results.textured_mesh, [whose] if asked is None and lit_by_default else []
-    return build_relightable_mesh(results.textured_mesh, relighting_inputs(results)), []
+    inputs = relighting_inputs(results, has_relief=is_relief_requested(results, relief))
+    return build_relightable_mesh(results.textured_mesh, inputs), []
 
 
 def append_ground_index(results: PublishedBlock, buildings: IntArray) -> IntArray:
@@ -95,7 +97,7 @@ def write_glb_models(
     textures: str | None = None,
     lit: bool | None = None,
     night: bool = False,
-    relief: str = OFF,
+    relief: str | None = None,
 ) -> tuple[list[str], list[str]]:
     """Write block.glb with a node for each building, and buildings/ID.glb, in the block's local frame.
 
@@ -128,7 +130,7 @@ def write_glb_models(
         pack_charts_on_pages,
     )
 
-    source, notes = mesh_with_requested_lighting(results, lit, night, lit_by_default=True)
+    source, notes = mesh_with_requested_lighting(results, lit, night, relief, lit_by_default=True)
     source = add_requested_relief(results, source, buildings, relief)
     frame = mesh_y_up_frame(results.plan.scene.mesh)
     extras = {"origin": frame.origin.tolist(), "crs": results.crs}
@@ -161,6 +163,7 @@ def write_3dtiles(
     lit: bool | None = None,
     night: bool = False,
     crs: str | None = None,
+    relief: str | None = None,
 ) -> tuple[list[str], list[str]]:
     """Write tileset.json and its georeferenced tiles, with the catalogue's columns as metadata.
 
@@ -174,6 +177,7 @@ def write_3dtiles(
     lit : relight materials; see `mesh_with_requested_lighting`.
     night : bake night emission.
     crs : NATIVE_CRS: the block's own; None: earth-centred; see `georeference_tiles`.
+    relief : elements as geometry in the finest tiles; see `add_requested_relief`.
 
     Returns
     -------
@@ -202,7 +206,7 @@ def write_3dtiles(
     from tasks.export.features import build_feature_table
 
     encoded = texture_encoder(textures)
-    source, notes = mesh_with_requested_lighting(results, lit, night, lit_by_default=False)
+    source, notes = mesh_with_requested_lighting(results, lit, night, relief, lit_by_default=False)
     chosen = np.isin(source.charts.building[source.mesh.chart], append_ground_index(results, buildings))
     source = replace(source, mesh=filter_triangles(source.mesh, chosen))
     density = results.plan.scene.spec.texels_per_metre
@@ -227,7 +231,13 @@ def write_3dtiles(
         report_progress("export", 1)
 
     tiled = write_tileset(
-        TiledModel(source, shells, frame, build_feature_table(results)),
+        TiledModel(
+            source,
+            shells,
+            frame,
+            build_feature_table(results),
+            add_requested_relief(results, source, buildings, relief),
+        ),
         cells,
         TileSettings(encoded, scale, time),
         write,

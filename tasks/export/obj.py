@@ -9,12 +9,12 @@ from catalogs.printable_text import escape_invisible
 from facade_core.core.arrays import IntArray
 from tasks.engine.progress import report_progress
 from tasks.export.models import append_ground_index, write_texture_pages
-from tasks.export.relief import OFF, add_requested_relief
+from tasks.export.relief import add_requested_relief
 from tasks.publish.published_run import PublishedBlock
 
 
 def write_obj(
-    results: PublishedBlock, buildings: IntArray, folder: Path, *, relief: str = OFF
+    results: PublishedBlock, buildings: IntArray, folder: Path, *, relief: str | None = None
 ) -> tuple[list[str], list[str]]:
     """Write BLOCK.obj with an object for each building, BLOCK.mtl and textures, in the frame of `glb`.
 

@@ -158,7 +158,7 @@ _ENTRIES = (
             join=_imported("whole_city.models", "join_tilesets"),
             shares_crs=False,
         ),
-        options=("textures", "max_texture_mb", "lit", "night", "crs"),
+        options=("textures", "max_texture_mb", "lit", "night", "crs", "relief"),
         factored_options=("textures", "crs"),
         opened_in=("CesiumJS", "3d-tiles-renderer", "Khronos' validator"),
     ),

@@ -2,36 +2,37 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from facade_core.core.arrays import IntArray
 from facade_core.core.types import Element
 from tasks.publish.published_run import PublishedBlock
+from tasks.stages.shared.chart_elements import elements_by_chart
 
 if TYPE_CHECKING:
     from facade_core.export.models.textured_mesh import TexturedMesh
 
-# Value of --relief for elements as geometry, and for flat walls.
+# Values of --relief and of the block key `texture.relief`: elements as geometry, flat walls.
 ELEMENTS = "elements"
 OFF = "off"
 
 
 def facade_elements(results: PublishedBlock, buildings: IntArray) -> dict[int, list[Element]]:
     """Read the elements of finished facades by chart, in metres."""
-    elements = {}
-    for index in results.select_finished_facades(buildings):
-        chart = int(results.plan.facades.chart[index])
-        density = float(results.plan.scene.placement.texels_per_metre[chart])
-        elements[chart] = [
-            replace(e, **{side: getattr(e, side) / density for side in ("x0", "y0", "x1", "y1")})
-            for e in results.elements(index)
-        ]
-    return elements
+    elements = elements_by_chart(results.plan, results.records)
+    is_chosen = np.isin(results.plan.scene.charts.building, buildings)
+    return {chart: own for chart, own in elements.items() if is_chosen[chart]}
+
+
+def is_relief_requested(results: PublishedBlock, relief: str | None) -> bool:
+    """Return whether elements are geometry: by an option, ELEMENTS or OFF, or by the block key `texture.relief`."""
+    return (results.group.attrs.get("relief", OFF) if relief is None else relief) == ELEMENTS
 
 
 def add_requested_relief(
-    results: PublishedBlock, source: TexturedMesh, buildings: IntArray, relief: str
+    results: PublishedBlock, source: TexturedMesh, buildings: IntArray, relief: str | None
 ) -> TexturedMesh:
     """Return the mesh of a block with the elements of some buildings in depth, if requested.
 
@@ -40,8 +41,10 @@ def add_requested_relief(
     results : published results of a block.
     source : flat mesh.
     buildings : (n,) indices of buildings.
-    relief : ELEMENTS or OFF.
+    relief : see `is_relief_requested`.
     """
     from facade_core.export.bodies.textured_relief import add_relief
 
-    return add_relief(source, facade_elements(results, buildings)) if relief == ELEMENTS else source
+    if not is_relief_requested(results, relief):
+        return source
+    return add_relief(source, facade_elements(results, buildings))

@@ -11,7 +11,7 @@ from facade_core.core.arrays import IntArray
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.export.features import list_building_rows
 from tasks.export.models import append_ground_index, mesh_with_requested_lighting
-from tasks.export.relief import OFF, add_requested_relief
+from tasks.export.relief import add_requested_relief
 from tasks.publish.published_run import PublishedBlock
 
 # Unix time of 1980-01-02 in any time zone, the first day that a package can store, seconds.
@@ -27,7 +27,7 @@ def write_usd(
     *,
     lit: bool | None = None,
     night: bool = False,
-    relief: str = OFF,
+    relief: str | None = None,
     package: bool = True,
 ) -> tuple[list[str], list[str]]:
     """Write BLOCK.usda, its buildings/ID.usdc and textures/, and all of them packed as BLOCK.usdz.
@@ -66,7 +66,7 @@ def write_usd(
     )
 
     import_usd_library()
-    source, notes = mesh_with_requested_lighting(results, lit, night, lit_by_default=True)
+    source, notes = mesh_with_requested_lighting(results, lit, night, relief, lit_by_default=True)
     source = add_requested_relief(results, source, buildings, relief)
     drawn = pack_charts_on_pages(source, source.select_charts(append_ground_index(results, buildings)))
     frame = ZUpFrame(mesh_y_up_frame(results.plan.scene.mesh).origin)

@@ -20,6 +20,7 @@ from facade_core.core.errors import InputError, StoreFormatError
 from facade_core.core.types import Element
 from tasks.publish.attribution import read_attribution
 from tasks.publish.stored_block import StoredBlock, read_stored_block
+from tasks.stages.shared.chart_elements import is_finished_facade, stored_elements
 
 if TYPE_CHECKING:
     from facade_core.export.attribution import Attribution
@@ -95,8 +96,7 @@ class PublishedBlock(StoredBlock):
     def elements(self, facade: int) -> list[Element]:
         """Return the elements of a completed facade, in texels, y down."""
         record = self.records[facade]
-        rows = record.get("elements", []) if record else []
-        return [Element(row[0], *map(float, row[1:6])) for row in rows]
+        return stored_elements(record) if record else []
 
     def select_finished_facades(self, buildings: IntArray) -> list[int]:
         """Return the facades of some buildings that have a completed layout and texture.
@@ -106,7 +106,7 @@ class PublishedBlock(StoredBlock):
         buildings : (n,) building indices.
         """
         is_chosen = np.isin(self.plan.facades.building, buildings).tolist()
-        return [i for i, record in enumerate(self.records) if is_chosen[i] and record and "lattice" in record]
+        return [i for i, record in enumerate(self.records) if is_chosen[i] and is_finished_facade(record)]
 
 
 @contextmanager

@@ -42,8 +42,9 @@ def extend_windows_behind_railings(elements: Sequence[Element], balconies: Seque
     the ends of the railing are extended.
     """
     found = []
+    bounds = [box.bounds for box in balconies]
     for element in elements:
-        for x0, y0, x1, y1 in (box.bounds for box in balconies if element.label == "window"):
+        for x0, y0, x1, y1 in bounds if element.label == "window" else ():
             floor = y1 - min(BALCONY_SHAPES.floor_thickness_m, (y1 - y0) / 3) - BALCONY_SHAPES.sill_above_floor_m
             between = (
                 x0 + BALCONY_SHAPES.railing_thickness_m <= element.x0

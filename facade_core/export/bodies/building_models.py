@@ -23,7 +23,7 @@ from facade_core.export.bodies.patches import (
     triangulate_mesh_polygon,
     weld_polygons,
 )
-from facade_core.export.bodies.recess import recess_opening
+from facade_core.export.bodies.recess import WallSpace, recess_opening
 from facade_core.export.bodies.settings import BODIES
 from facade_core.export.models.textured_mesh import PackedCharts, TexturedMesh
 from facade_core.geometry.charts import CHART_KINDS, ChartKind
@@ -207,11 +207,11 @@ def _cut_openings(
     faces: list[ModelFace] = []
     holes: list[Float64Array] = []
     recessed: list[Float64Array] = []
+    space = WallSpace(charts, chart, np.concatenate(rings), behind)
     for element in elements:
         if element.label not in OPENING_TYPES:
             continue
-        depth = -element.depth.outward_m
-        found = recess_opening(element.outline, depth, charts, chart, np.concatenate(rings), behind)
+        found = recess_opening(element.outline, -element.depth.outward_m, space)
         holes.append(found.ring[::-1])
         recessed += [found.triangles()] if found.depth else []
         semantic = surfaces.add({"type": OPENING_TYPES[element.label], "parent": patch.semantic})

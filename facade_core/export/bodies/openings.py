@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 import shapely
 from shapely import Polygon
 
@@ -51,20 +52,23 @@ def place_openings(wall: Polygon, elements: Sequence[Element]) -> list[tuple[Ele
     elements : elements in metres, y down from the chart's top left.
     """
     openings: list[tuple[Element, Polygon]] = []
-    free = wall.buffer(-WALL_OPENINGS.wall_edge_m, join_style="mitre")
+    inner = wall.buffer(-WALL_OPENINGS.wall_edge_m, join_style="mitre")
+    taken: list[Polygon] = []
     wanted = [e for e in elements if e.label in OPENING_ORDER]
     for element in sorted(wanted, key=lambda e: (OPENING_ORDER.index(e.label), -e.width * e.height, e.x0, e.y0)):
         box = shapely.box(element.x0, element.y0, element.x1, element.y1)
+        near = [taken[k] for k in np.flatnonzero(shapely.intersects(taken, box)).tolist()]
+        free = box.intersection(inner).difference(shapely.union_all(near)) if near else box.intersection(inner)
         parts = [
             part
-            for part in shapely.get_parts(box.intersection(free))
+            for part in shapely.get_parts(free)
             if part.geom_type == "Polygon" and not part.interiors and part.area >= WALL_OPENINGS.min_opening_m2
         ]
         if parts:
             opening = max(parts, key=lambda part: part.area).simplify(WALL_OPENINGS.wall_edge_m / 2)
             if not opening.buffer(-WALL_OPENINGS.min_opening_width_m / 2).is_empty:
                 openings.append((element, _orient_polygons(opening)[0]))
-                free = free.difference(opening.buffer(WALL_OPENINGS.opening_gap_m, join_style="mitre"))
+                taken.append(opening.buffer(WALL_OPENINGS.opening_gap_m, join_style="mitre"))
     return openings
 
 

@@ -140,6 +140,8 @@ ELEMENT_DEPTHS = {
     "balcony": ElementDepth(0.9, "assumed by class and width: room for a chair"),
     "narrow balcony": ElementDepth(0.35, "assumed by class and width: a step before a single window"),
 }
+# Greatest depth of an element before its wall, metres.
+MAX_ELEMENT_DEPTH_M = max(depth.outward_m for depth in ELEMENT_DEPTHS.values())
 
 
 def element_depth(label: str, width_m: float) -> ElementDepth:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 from shapely import Polygon
 
 from facade_core.core.arrays import Float64Array, Int64Array, IntArray
@@ -15,26 +16,35 @@ from facade_core.core.types import Element
 from facade_core.export.bodies.balconies import balcony_faces
 from facade_core.export.bodies.element_relief import place_elements
 from facade_core.export.bodies.openings import chart_outlines
-from facade_core.export.bodies.patches import MeshPolygon, triangulate_mesh_polygon
-from facade_core.export.bodies.recess import has_room, project_on_wall, recess_opening
-from facade_core.export.bodies.settings import ELEMENT_DEPTHS
+from facade_core.export.bodies.recess import WallSpace
+from facade_core.export.bodies.settings import MAX_ELEMENT_DEPTH_M
 from facade_core.export.models.textured_mesh import TexturedMesh, VertexFrames
 from facade_core.geometry.charts import Charts, Mesh
 
+# Corners of a box (least x and y, greatest x and y), counter-clockwise as seen from outside: columns of x and y.
+BOX_CORNERS = [[0, 3], [2, 3], [2, 1], [0, 1]]
+# Directions away from a box, in the chart's frame, at the edges from each of these corners to the next.
+AWAY = np.array([[0.0, 1], [1, 0], [0, -1], [-1, 0]])
+# Quadrilaterals of the U-shaped rim of a railing, as indices of its corners.
+RIM_QUADS = [[0, 1, 6, 7], [1, 2, 5, 6], [2, 3, 4, 5]]
+QUAD_TRIANGLES = np.array([[0, 1, 2], [0, 2, 3]])
 
-class ReliefFace(NamedTuple):
-    """Planar face of a wall in relief.
+
+class ReliefFaces(NamedTuple):
+    """Planar faces of walls in relief.
 
     Attributes
     ----------
     position : (v, 3) corners, world metres.
     place : (v, 2) places that they show, metres in the chart's frame.
     triangles : (t, 3) corner indices, counter-clockwise as seen from outside.
+    face : (v,) face of each corner, ascending from 0.
     """
 
     position: Float64Array
     place: Float64Array
     triangles: Int64Array
+    face: Int64Array
 
 
 def build_wall_relief(
@@ -44,7 +54,7 @@ def build_wall_relief(
     triangles: IntArray,
     elements: Sequence[Element],
     behind: list[Float64Array],
-) -> list[ReliefFace] | None:
+) -> ReliefFaces | None:
     """Build a wall with its elements in depth; None if it stays flat.
 
     The outline of the wall keeps its vertices. Elements that the border or another element cuts, or that have no room, stay
@@ -65,62 +75,109 @@ def build_wall_relief(
     """
     place = charts.coordinates(np.full(len(position), chart), position)
     known = dict(zip(map(tuple, place[triangles].reshape(-1, 2).tolist()), triangles.reshape(-1).tolist(), strict=True))
-    faces: list[ReliefFace] = []
+    faces: list[ReliefFaces] = []
     has_elements = False
     for outline in chart_outlines(place[triangles]):
-        rings = [np.asarray(ring.coords)[:-1] for ring in (outline.exterior, *outline.interiors)]
-        corners = [position[[known[x, y] for x, y in ring.tolist()]] for ring in rings]
-        holes, found = _build_elements(charts, chart, outline, np.concatenate(corners), elements, behind)
-        flat = [*rings, *(places[::-1] for _, places in holes)]
-        wall = _triangulate_face([*corners, *(points[::-1] for points, _ in holes)], flat)
+        flat = shapely.get_coordinates(outline)
+        corners = position[[known[x, y] for x, y in flat.tolist()]]
+        space = WallSpace(charts, chart, corners, behind)
+        holes, found = _build_elements(space, outline, elements)
+        wall = _triangulate_wall(outline, np.concatenate([corners, space.points(holes.reshape(-1, 2))]), holes)
         if wall is None:
             return None
         faces += [wall, *found]
         has_elements |= bool(found)
-    return faces if has_elements else None
+    return _join_faces(faces) if has_elements else None
 
 
 def _build_elements(
-    charts: Charts,
-    chart: int,
-    outline: Polygon,
-    corners: Float64Array,
-    elements: Sequence[Element],
-    behind: list[Float64Array],
-) -> tuple[list[tuple[Float64Array, Float64Array]], list[ReliefFace]]:
-    """Build the elements of a wall polygon; returns the holes (positions, places) that they need, and their faces."""
-    holes: list[tuple[Float64Array, Float64Array]] = []
-    faces: list[ReliefFace | None] = []
-    out = charts.normals()[chart]
-    for element in place_elements(outline, elements):
-        outward = element.depth.outward_m
-        if element.is_cut:
-            continue
-        if outward < 0:
-            opening = recess_opening(element.outline, -outward, charts, chart, corners, behind)
-            if opening.depth:
-                holes.append((opening.ring, opening.chart_ring))
-                faces.append(_triangulate_face([opening.pane_ring], [opening.chart_ring]))
-                faces += [_triangulate_face([ring], [flat]) for ring, flat in opening.reveals()]
-        elif has_room(element.outline, outward, charts, chart, corners[0], behind):
-            # the last face is against the wall, where two coplanar faces would flicker
-            for (ring,), (flat,), _ in balcony_faces(element.outline, outward)[:-1]:
-                points = project_on_wall(charts, chart, corners, ring[:, :2]) + ring[:, 2:] * out
-                faces.append(_triangulate_face([points], [flat]))
-    return holes, [face for face in faces if face is not None]
+    space: WallSpace, outline: Polygon, elements: Sequence[Element]
+) -> tuple[Float64Array, list[ReliefFaces]]:
+    """Build the elements of a wall polygon; returns the holes (n, 4, 2) that they need, and their faces."""
+    placed = [element for element in place_elements(outline, elements) if not element.is_cut]
+    boxes = np.array([element.outline.bounds for element in placed]).reshape(-1, 4)
+    outward = np.array([element.depth.outward_m for element in placed])
+    is_opening = outward < 0
+    openings, depth = boxes[is_opening], space.recess_depths(boxes[is_opening], -outward[is_opening])
+    holes, depth = openings[depth > 0][:, BOX_CORNERS], depth[depth > 0]
+    faces = [_build_recesses(space, holes, depth)] if len(holes) else []
+    has_room = space.has_room(boxes[~is_opening], outward[~is_opening])
+    bodies = [element for element, opening in zip(placed, is_opening.tolist(), strict=True) if not opening]
+    for element, is_free in zip(bodies, has_room.tolist(), strict=True):
+        if is_free:
+            faces.append(_build_balcony(space, element.outline, element.depth.outward_m))
+    return holes, faces
 
 
-def _triangulate_face(rings: Sequence[Float64Array], places: Sequence[Float64Array]) -> ReliefFace | None:
-    """Triangulate a polygon of rings (k, 3) that show places (k, 2); None if it crosses itself."""
-    if len(rings) == 1 and len(rings[0]) == 4:  # rectangles, most of all faces
-        return ReliefFace(rings[0], places[0], np.array([[0, 1, 2], [0, 2, 3]]))
-    points = np.concatenate(rings)
-    ends = np.cumsum([len(ring) for ring in rings]).tolist()
-    patch = MeshPolygon(
-        tuple(tuple(range(end - len(ring), end)) for ring, end in zip(rings, ends, strict=True)),
+def _build_recesses(space: WallSpace, holes: Float64Array, depth: Float64Array) -> ReliefFaces:
+    """Build panes and reveals of openings.
+
+    Parameters
+    ----------
+    holes : (n, 4, 2) corners in the chart's frame.
+    depth : (n,) depth of each opening, metres.
+    """
+    following = np.roll(holes, -1, axis=1)
+    beside = np.stack([holes, following, following, holes], axis=2)
+    corners = np.concatenate([holes[:, None], beside], axis=1)
+    inward = np.zeros((len(holes), 5, 4))
+    inward[:, 0] = depth[:, None]
+    inward[:, 1:, 2:] = depth[:, None, None]
+    # reveals show the wall next to the opening, mirrored
+    shown = corners.copy()
+    shown[:, 1:, 2:] += (AWAY * depth[:, None, None])[:, :, None]
+    return _quad_faces(space, corners.reshape(-1, 4, 2), -inward.reshape(-1, 4), shown.reshape(-1, 4, 2))
+
+
+def _build_balcony(space: WallSpace, box: Polygon, far: float) -> ReliefFaces:
+    """Build a balcony; without the face against the wall, where two coplanar faces would flicker."""
+    *sides, (rim_ring, rim_place) = [(ring, place) for (ring,), (place,), _ in balcony_faces(box, far)[:-1]]
+    rings = np.array([*(ring for ring, _ in sides), *rim_ring[RIM_QUADS]], float)
+    places = np.array([*(place for _, place in sides), *rim_place[RIM_QUADS]])
+    return _quad_faces(space, rings[..., :2], rings[..., 2], places)
+
+
+def _quad_faces(space: WallSpace, flat: Float64Array, outward: Float64Array, places: Float64Array) -> ReliefFaces:
+    """Build quadrilaterals (q, 4) at places of the chart's frame and metres before the wall, which show other places."""
+    count = len(flat)
+    return ReliefFaces(
+        space.points(flat.reshape(-1, 2)) + outward.reshape(-1, 1) * space.out,
+        places.reshape(-1, 2),
+        (4 * np.arange(count)[:, None, None] + QUAD_TRIANGLES).reshape(-1, 3),
+        np.repeat(np.arange(count), 4),
     )
-    triangles = triangulate_mesh_polygon(patch, points)
-    return ReliefFace(points, np.concatenate(places), triangles) if len(triangles) else None
+
+
+def _triangulate_wall(outline: Polygon, position: Float64Array, holes: Float64Array) -> ReliefFaces | None:
+    """Triangulate a wall polygon with holes (n, 4, 2) more; None if it crosses itself.
+
+    Parameters
+    ----------
+    position : (v, 3) corners of the outline's closed rings, then of the holes, world metres.
+    """
+    place = np.concatenate([shapely.get_coordinates(outline), holes.reshape(-1, 2)])
+    polygon = Polygon(outline.exterior, [*outline.interiors, *holes])
+    if not polygon.is_valid:
+        return None
+    parts = shapely.orient_polygons(
+        shapely.get_parts(shapely.constrained_delaunay_triangles(polygon)), exterior_cw=True
+    )
+    corners = shapely.get_coordinates(parts).reshape(-1, 4, 2)[:, :3].reshape(-1, 2)
+    _, first, index = np.unique(np.concatenate([place, corners]), axis=0, return_index=True, return_inverse=True)
+    used, triangles = np.unique(first[index.reshape(-1)[len(place) :]], return_inverse=True)
+    return ReliefFaces(position[used], place[used], triangles.reshape(-1, 3), np.zeros(len(used), np.int64))
+
+
+def _join_faces(parts: Sequence[ReliefFaces]) -> ReliefFaces:
+    """Join faces; corners and faces are numbered consecutively."""
+    first = np.cumsum([0, *(len(part.position) for part in parts[:-1])]).tolist()
+    faces = np.cumsum([0, *(int(part.face[-1]) + 1 for part in parts[:-1])]).tolist()
+    return ReliefFaces(
+        np.concatenate([part.position for part in parts]),
+        np.concatenate([part.place for part in parts]),
+        np.concatenate([part.triangles + start for part, start in zip(parts, first, strict=True)]),
+        np.concatenate([part.face + start for part, start in zip(parts, faces, strict=True)]),
+    )
 
 
 def add_relief(source: TexturedMesh, layouts: Mapping[int, Sequence[Element]]) -> TexturedMesh:
@@ -132,8 +189,7 @@ def add_relief(source: TexturedMesh, layouts: Mapping[int, Sequence[Element]]) -
     layouts : elements of a chart in metres, y down.
     """
     mesh, charts = source.mesh, source.charts
-    faces: list[ReliefFace] = []
-    owners: list[int] = []
+    walls: dict[int, ReliefFaces] = {}
     of_building = group_rows(charts.building[mesh.chart])
     for building in sorted({int(charts.building[chart]) for chart in layouts} & of_building.keys()):
         behind = [mesh.vertices[mesh.triangles[of_building[building]]]]
@@ -143,56 +199,71 @@ def add_relief(source: TexturedMesh, layouts: Mapping[int, Sequence[Element]]) -
             found = build_wall_relief(
                 charts, chart, mesh.vertices[used], triangles.reshape(-1, 3), layouts[chart], others
             )
-            if found is None:
-                continue
-            behind.append(np.concatenate([face.position[face.triangles] for face in found]))
-            faces += found
-            owners += [chart] * len(found)
-    return _replace_walls(source, faces, np.array(owners, np.int32)) if faces else source
+            if found is not None:
+                behind.append(found.position[found.triangles])
+                walls[chart] = found
+    return _replace_walls(source, walls) if walls else source
 
 
 def _neighbour_triangles(source: TexturedMesh, chart: int) -> list[Float64Array]:
     """Return the triangles (t, 3, 3) of other buildings' charts that an element of a chart could meet."""
     mesh, charts = source.mesh, source.charts
-    reach = max(depth.outward_m for depth in ELEMENT_DEPTHS.values())
     return [
         mesh.vertices[mesh.triangles[mesh.chart_triangles(other)]]
-        for other in charts.charts_within(chart, reach).tolist()
+        for other in charts.charts_within(chart, MAX_ELEMENT_DEPTH_M).tolist()
         if charts.building[other] not in (-1, charts.building[chart])
     ]
 
 
-def _replace_walls(source: TexturedMesh, faces: Sequence[ReliefFace], chart: IntArray) -> TexturedMesh:
-    """Replace the triangles of charts by faces, whose charts (f,) are given."""
+def _replace_walls(source: TexturedMesh, walls: Mapping[int, ReliefFaces]) -> TexturedMesh:
+    """Replace the triangles of charts by faces."""
     mesh = source.mesh
-    keep = ~np.isin(mesh.chart, chart)
-    corners, count = [len(face.position) for face in faces], [len(face.triangles) for face in faces]
-    first = len(mesh.vertices) + np.cumsum([0, *corners[:-1]])
-    triangles = np.concatenate([face.triangles + start for face, start in zip(faces, first, strict=True)])
-    normals, tangents = zip(*map(_face_frame, faces), strict=True)
+    chart, found = np.array(list(walls), np.int32), list(walls.values())
+    keep, faces = ~np.isin(mesh.chart, chart), _join_faces(found)
     relief = Mesh(
-        np.concatenate([mesh.vertices, *(face.position for face in faces)]),
-        np.concatenate([mesh.triangles[keep], triangles.astype(np.int32)]),
-        np.concatenate([mesh.chart[keep], np.repeat(chart, count)]),
-        np.concatenate([mesh.vertex_chart, np.repeat(chart, corners)]),
+        np.concatenate([mesh.vertices, faces.position]),
+        np.concatenate([mesh.triangles[keep], (faces.triangles + len(mesh.vertices)).astype(np.int32)]),
+        np.concatenate([mesh.chart[keep], np.repeat(chart, [len(wall.triangles) for wall in found])]),
+        np.concatenate([mesh.vertex_chart, np.repeat(chart, [len(wall.position) for wall in found])]),
     )
+    normals, tangents = _face_frames(faces)
     frames = VertexFrames(
-        np.concatenate([source.normals, np.repeat(normals, corners, axis=0)]),
-        np.concatenate([source.coordinates, *(face.place for face in faces)]),
-        np.concatenate([source.tangents, np.repeat(tangents, corners, axis=0)]),
+        np.concatenate([source.normals, normals[faces.face]]),
+        np.concatenate([source.coordinates, faces.place]),
+        np.concatenate([source.tangents, tangents[faces.face]]),
     )
     return replace(source, mesh=relief, frames=frames)
 
 
-def _face_frame(face: ReliefFace) -> tuple[Float64Array, Float64Array]:
-    """Return the unit normal (3,) of a face and its tangent (4,): direction of the texture to the right, and handedness."""
-    a, b, c = np.moveaxis(face.position[face.triangles], 1, 0)
-    normal = np.cross(b - a, c - a).sum(axis=0)
-    normal /= np.linalg.norm(normal)
-    offset, shown = face.position - face.position.mean(axis=0), face.place - face.place.mean(axis=0)
-    right, down = np.linalg.lstsq(shown, offset, rcond=None)[0]
-    right -= normal * (right @ normal)
-    if np.linalg.norm(right) < 1e-6:  # the face shows one column
-        right = np.cross(down, normal)
-    right /= np.linalg.norm(right)
-    return normal, np.append(right, 1.0 if np.cross(normal, right) @ down <= 0 else -1.0)
+def _face_frames(faces: ReliefFaces) -> tuple[Float64Array, Float64Array]:
+    """Return the unit normals (f, 3) of faces and their tangents (f, 4): direction of the texture to the right, handedness."""
+    count = np.bincount(faces.face)[:, None]
+
+    def sums(values: Float64Array, face: Int64Array = faces.face) -> Float64Array:
+        return np.stack([np.bincount(face, column, len(count)) for column in values.T], axis=1)
+
+    a, b, c = np.moveaxis(faces.position[faces.triangles], 1, 0)
+    normal = _unit(sums(np.cross(b - a, c - a), faces.face[faces.triangles[:, 0]]))
+    offset = faces.position - (sums(faces.position) / count)[faces.face]
+    shown = faces.place - (sums(faces.place) / count)[faces.face]
+    # least squares of the positions by the places, by their normal equations
+    (xx, xy, yy), by_x, by_y = (
+        sums(np.column_stack([shown[:, 0] ** 2, shown[:, 0] * shown[:, 1], shown[:, 1] ** 2])).T[..., None],
+        sums(shown[:, :1] * offset),
+        sums(shown[:, 1:] * offset),
+    )
+    determinant, trace = xx * yy - xy**2, xx + yy
+    is_line = determinant <= 1e-12 * trace**2  # the face shows one line: the solution of least norm
+    divisor = np.where(is_line, trace**2, determinant)
+    right = np.where(is_line, xx * by_x + xy * by_y, yy * by_x - xy * by_y) / divisor
+    down = np.where(is_line, xy * by_x + yy * by_y, xx * by_y - xy * by_x) / divisor
+    right -= normal * (right * normal).sum(axis=1, keepdims=True)
+    is_column = np.linalg.norm(right, axis=1, keepdims=True) < 1e-6
+    right = _unit(np.where(is_column, np.cross(down, normal), right))
+    is_mirrored = (np.cross(normal, right) * down).sum(axis=1) > 0
+    return normal, np.column_stack([right, np.where(is_mirrored, -1.0, 1.0)])
+
+
+def _unit(vectors: Float64Array) -> Float64Array:
+    units: Float64Array = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+    return units

@@ -14,7 +14,7 @@ from shapely import Polygon
 from facade_core.core.arrays import Float32Array, Float64Array, FloatArray, Int64Array, IntArray, ObjectArray
 from facade_core.core.linear_light import srgb_to_linear
 from facade_core.export.bodies.mouldings import WallBand
-from facade_core.export.bodies.recess import project_on_wall, recess_opening
+from facade_core.export.bodies.recess import WallSpace, recess_opening
 from facade_core.export.bodies.settings import ELEMENT_DEPTHS, WALL_OPENINGS
 from facade_core.export.factored.library import mean_light
 from facade_core.export.factored.settings import FACTORED_WALLS, WALL_GRAINS
@@ -128,7 +128,7 @@ def build_wall(
     charts : charts of the mesh.
     library_index : number of the library.
     detail : level of detail.
-    behind : triangles behind the wall, as in `bodies.recess.recess_opening`; changed in place.
+    behind : triangles behind the wall, as in `bodies.recess.WallSpace`; changed in place.
     pieces : pieces of the building; changed in place.
     """
     offset = WALL_GRAINS.repeat_m * np.random.default_rng(decomposition.facade.chart).random(2)
@@ -157,9 +157,13 @@ class _WallBuilder:
     def chart(self) -> int:
         return self.decomposition.facade.chart
 
+    def space(self, behind: Sequence[Float64Array]) -> WallSpace:
+        """Return the space of the polygon with the surfaces behind it."""
+        return WallSpace(self.charts, self.chart, self.plane.corners, behind)
+
     def points(self, places: Float64Array) -> Float64Array:
         """Project places (n, 2) of the chart's frame on the plane of the polygon, (n, 3)."""
-        return project_on_wall(self.charts, self.chart, self.plane.corners, places)
+        return self.space(()).points(places)
 
     def fill_band(self, band: WallBand, own: int | None, shade: Float32Array, free: shapely.Geometry) -> None:
         """Fill the free part of a band."""
@@ -219,7 +223,7 @@ class _WallBuilder:
                 continue
             pane = shapely.orient_polygons(pane.simplify(WALL_OPENINGS.wall_edge_m / 4), exterior_cw=True)
             depth = -ELEMENT_DEPTHS["window"].outward_m
-            found = recess_opening(pane, depth, self.charts, self.chart, self.plane.corners, behind)
+            found = recess_opening(pane, depth, self.space(behind))
             if not found.depth:
                 continue
             behind.append(found.triangles())

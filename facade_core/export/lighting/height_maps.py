@@ -12,7 +12,13 @@ from facade_core.street.materials.relief import relief_depth
 
 
 def estimate_heights(
-    labels: UInt8Array | None, material: UInt8Array, grey: Float32Array, frames: BoolArray, density: float
+    labels: UInt8Array | None,
+    material: UInt8Array,
+    grey: Float32Array,
+    frames: BoolArray,
+    density: float,
+    *,
+    has_relief: bool = False,
 ) -> Float32Array:
     """Estimate the relief of a chart: openings, slabs and sills by label, joints and pores by brightness.
 
@@ -23,6 +29,7 @@ def estimate_heights(
     grey : (h, w) float32 brightness; darker than its surroundings means lower.
     frames : (h, w) bool, window frames and bars.
     density : texels per metre.
+    has_relief : openings are geometry, which shades itself: no map sets them back again.
 
     Returns
     -------
@@ -35,9 +42,10 @@ def estimate_heights(
     out = np.clip((grey / mean - 1) / HEIGHT_MAPS.full_relief_contrast, -1, 0.5) * RELIEF[material]
     if labels is not None:
         # ragged edges of balconies and shops would glitter
-        out += relief_depth(
+        depth = relief_depth(
             np.where(np.isin(labels, (FacadeClass.BALCONY, FacadeClass.SHOP)), FacadeClass.WALL, labels), density
         )
+        out += np.maximum(depth, 0) if has_relief else depth
         out[frames] += np.float32(HEIGHT_MAPS.frame_relief_m)
     return out.astype(np.float32)
 

@@ -72,6 +72,7 @@ class RelightingInputs:
     chart_numbers : (charts,) stable numbers that seed random choices.
     sun : sun in the colours; None if there is none.
     texels : returns the stored texels of a chart.
+    has_relief : the elements of facades are geometry.
     """
 
     scene: Scene
@@ -81,6 +82,7 @@ class RelightingInputs:
     chart_numbers: Sequence[int]
     sun: Sun | None
     texels: Callable[[int], StoredChartTexels]
+    has_relief: bool = False
 
 
 def build_relightable_mesh(source: TexturedMesh, inputs: RelightingInputs) -> TexturedMesh:
@@ -172,7 +174,8 @@ class _ChartRelighter:
             surface = self.plain_surface(chart, half, grounds)
         coarse = None if labels is None else labels[::2, ::2]
         frames = np.zeros(half, bool) if surface.frames is None else surface.frames
-        height = estimate_heights(coarse, surface.material, small, frames, density / 2)
+        has_relief = self.inputs.has_relief
+        height = estimate_heights(coarse, surface.material, small, frames, density / 2, has_relief=has_relief)
         occlusion = self.sky_visibility(chart, half) * cavity_visibility(height, density / 2)
         left = contact_light(self.scene, chart)
         if left is not None:

@@ -32,10 +32,12 @@ LINEAR = 9729
 LINEAR_MIPMAP_LINEAR = 9987
 # glTF wrapping mode CLAMP_TO_EDGE.
 CLAMP_TO_EDGE = 33071
+# Largest quantised value of a signed byte.
+MAX_BYTE = 127
 # Extensions of models with unlit materials only.
 UNLIT_EXTENSIONS = {"extensionsUsed": ["KHR_materials_unlit"]}
 # Accessor types by attribute.
-ACCESSOR_TYPES = {"position": "VEC3", "normal": "VEC3", "uv": "VEC2", "tangent": "VEC4", "triangles": "SCALAR"}
+ACCESSOR_TYPES = {"POSITION": "VEC3", "NORMAL": "VEC3", "TEXCOORD_0": "VEC2", "TANGENT": "VEC4", "indices": "SCALAR"}
 # GLB chunk types.
 JSON_CHUNK = 0x4E4F534A
 BINARY_CHUNK = 0x004E4942
@@ -92,7 +94,8 @@ def encode_glb(
 ) -> bytes:
     """Encode nodes as GLB, one glTF node each, with JPEG images embedded unchanged.
 
-    Materials of a plain image are unlit, because a photo already contains the light of its day.
+    Materials of a plain image are unlit, because a photo already contains the light of its day. Their primitives have no
+    normals; those of lit materials have normals and tangents of bytes.
 
     Parameters
     ----------
@@ -106,20 +109,27 @@ def encode_glb(
     gltf = build_gltf_materials(pages, time=time)
     nodes = [node for node in nodes if node.primitives]
     buffer = GlbBuffer()
-    first = _add_vertices(buffer, list(chain.from_iterable(node.primitives for node in nodes)))
+    geometry = _add_vertices(buffer, list(chain.from_iterable(node.primitives for node in nodes)), pages)
     pictures = list(map(buffer.add_view, gltf.images))
     document = _document_head(len(nodes), extras, copyright)
     if nodes:
         document |= {
-            **({"extensionsUsed": list(gltf.extensions_used)} if gltf.extensions_used else {}),
+            **_list_extensions(gltf, any(not page.is_unlit for page in pages)),
             "nodes": [{"name": node.name, "mesh": i} for i, node in enumerate(nodes)],
-            "meshes": _build_meshes(nodes, first, gltf),
+            "meshes": _build_meshes(nodes, geometry, gltf),
             **gltf.document_parts,
             "images": [{"bufferView": view, "mimeType": "image/jpeg"} for view in pictures],
             "samplers": SAMPLERS,
             **buffer.document_parts,
         }
     return pack_glb(document, buffer.chunks)
+
+
+def _list_extensions(gltf: GltfMaterials, has_normals: bool) -> JsonObject:
+    """Return the lists of extensions of a document; normals of bytes are an extension."""
+    quantised = ["KHR_mesh_quantization"] if has_normals else []
+    used = [*quantised, *gltf.extensions_used]
+    return ({"extensionsUsed": used} if used else {}) | ({"extensionsRequired": quantised} if quantised else {})
 
 
 def _document_head(node_count: int, extras: Mapping[str, object] | None, copyright: str) -> JsonObject:
@@ -130,62 +140,79 @@ def _document_head(node_count: int, extras: Mapping[str, object] | None, copyrig
     return {"asset": asset, "scene": 0, "scenes": [scene]}
 
 
-def _add_vertices(buffer: GlbBuffer, primitives: Sequence[Primitive]) -> dict[str, int]:
-    """Add the arrays of all primitives to a buffer; returns the first accessor of each attribute."""
-    arrays = {
-        "position": [np.ascontiguousarray(p.position, "<f4") for p in primitives],
-        "normal": [np.ascontiguousarray(p.normal, "<f4") for p in primitives],
-        "uv": [np.ascontiguousarray(p.uv, "<f4") for p in primitives],
-        "tangent": [np.ascontiguousarray(p.tangent, "<f4") for p in primitives if p.tangent is not None],
-        "triangles": [np.ascontiguousarray(p.triangles, "<u4").reshape(-1, 1) for p in primitives],
+def _add_vertices(
+    buffer: GlbBuffer, primitives: Sequence[Primitive], pages: Sequence[MaterialTextures]
+) -> list[JsonObject]:
+    """Add the arrays of all primitives to a buffer; returns the attributes and indices of each."""
+    lit = [not pages[p.material].is_unlit for p in primitives]
+    shaded = [p for p, is_lit in zip(primitives, lit, strict=True) if is_lit]
+    arrays: dict[str, list[NumericArray]] = {
+        "POSITION": [np.ascontiguousarray(p.position, "<f4") for p in primitives],
+        "TEXCOORD_0": [np.ascontiguousarray(p.uv, "<f4") for p in primitives],
+        "NORMAL": [quantise_directions(p.normal) for p in shaded],
+        "TANGENT": [quantise_directions(p.tangent) for p in shaded if p.tangent is not None],
+        "indices": [_index_array(p) for p in primitives],
     }
-    first = {}
-    for name, parts in arrays.items():
-        first[name] = len(buffer.accessors)
-        _add_shared_view(buffer, name, parts)
-    return first
+    accessors = {name: iter(_add_shared_view(buffer, name, parts)) for name, parts in arrays.items()}
+    found: list[JsonObject] = []
+    for primitive, is_lit in zip(primitives, lit, strict=True):
+        names = ["POSITION", "TEXCOORD_0", *(["NORMAL"] if is_lit else [])]
+        names += ["TANGENT"] if is_lit and primitive.tangent is not None else []
+        found.append(
+            {"attributes": {name: next(accessors[name]) for name in names}, "indices": next(accessors["indices"])}
+        )
+    return found
 
 
-def _add_shared_view(buffer: GlbBuffer, name: str, parts: Sequence[NumericArray]) -> None:
-    """Add the arrays (n, k) of one attribute as accessors of one view."""
-    is_index = name == "triangles"
-    start = 0
+def quantise_directions(directions: Float64Array) -> NumericArray:
+    """Quantise unit vectors (v, k) to signed bytes in rows of four."""
+    rows = np.zeros((len(directions), 4), "i1")
+    rows[:, : directions.shape[1]] = np.round(directions * MAX_BYTE)
+    return rows
+
+
+def _index_array(primitive: Primitive) -> NumericArray:
+    """Return the indices (3 t, 1) of a primitive, of 16 bits if they fit."""
+    is_wide = len(primitive.position) > np.iinfo(np.uint16).max
+    return np.ascontiguousarray(primitive.triangles, "<u4" if is_wide else "<u2").reshape(-1, 1)
+
+
+def _add_shared_view(buffer: GlbBuffer, name: str, parts: Sequence[NumericArray]) -> list[int]:
+    """Add the arrays (n, k) of one attribute as accessors of one view, each at a multiple of four bytes."""
+    data: list[bytes] = []
+    start, first = 0, len(buffer.accessors)
     for part in parts:
+        component = next(code for code, dtype in COMPONENT_DTYPES.items() if np.dtype(dtype) == part.dtype)
         accessor: JsonObject = {
             "bufferView": len(buffer.views),
             "byteOffset": start,
-            "componentType": UNSIGNED_INT if is_index else FLOAT,
+            "componentType": component,
             "count": len(part),
             "type": ACCESSOR_TYPES[name],
+            **({"normalized": True} if component == BYTE else {}),
         }
-        if name == "position":
+        if name == "POSITION":
             accessor |= {"min": part.min(axis=0).tolist(), "max": part.max(axis=0).tolist()}
         buffer.accessors.append(accessor)
-        start += part.nbytes
+        data.append(part.tobytes() + b"\0" * (-part.nbytes % 4))
+        start += len(data[-1])
     if parts:
-        stride = {} if is_index else {"byteStride": 4 * parts[0].shape[1]}
-        target = ELEMENT_ARRAY_BUFFER if is_index else ARRAY_BUFFER
-        buffer.add_view(b"".join(part.tobytes() for part in parts), target=target, **stride)
+        is_index = name == "indices"
+        stride = {} if is_index else {"byteStride": parts[0].itemsize * parts[0].shape[1]}
+        buffer.add_view(b"".join(data), target=ELEMENT_ARRAY_BUFFER if is_index else ARRAY_BUFFER, **stride)
+    return list(range(first, len(buffer.accessors)))
 
 
-def _build_meshes(nodes: Sequence[GltfNode], first: Mapping[str, int], gltf: GltfMaterials) -> list[JsonObject]:
-    """Return one mesh per node; its primitives refer to accessors that count on from `first`."""
-    meshes: list[JsonObject] = []
-    count = leaning = 0
-    for node in nodes:
-        drawn = []
-        for primitive in node.primitives:
-            attributes = {"POSITION": "position", "NORMAL": "normal", "TEXCOORD_0": "uv"}
-            of = {key: first[name] + count for key, name in attributes.items()}
-            if primitive.tangent is not None:
-                of["TANGENT"] = first["tangent"] + leaning
-                leaning += 1
-            drawn.append(
-                {"attributes": of, "indices": first["triangles"] + count, **gltf.primitives[primitive.material]}
-            )
-            count += 1
-        meshes.append({"name": node.name, "primitives": drawn})
-    return meshes
+def _build_meshes(nodes: Sequence[GltfNode], geometry: Sequence[JsonObject], gltf: GltfMaterials) -> list[JsonObject]:
+    """Return one mesh per node, whose primitives take their geometry in turn."""
+    remaining = iter(geometry)
+    return [
+        {
+            "name": node.name,
+            "primitives": [next(remaining) | gltf.primitives[one.material] for one in node.primitives],
+        }
+        for node in nodes
+    ]
 
 
 def pack_glb(document: Mapping[str, object], chunks: Sequence[bytes]) -> bytes:
@@ -231,17 +258,3 @@ def extract_images(glb: bytes) -> list[bytes]:
     document, data = read_glb_header(io.BytesIO(glb))
     views = [document["bufferViews"][image["bufferView"]] for image in document.get("images", [])]
     return [glb[data + view["byteOffset"] : data + view["byteOffset"] + view["byteLength"]] for view in views]
-
-
-def tangent_vectors(along: Float64Array) -> Float32Array:
-    """Return the TANGENT attribute for textures with x right and v down.
-
-    Parameters
-    ----------
-    along : (v, 3) unit vectors along u.
-
-    Returns
-    -------
-    (v, 4) float32.
-    """
-    return np.column_stack([along, np.ones(len(along))]).astype("<f4")

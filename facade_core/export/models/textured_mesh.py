@@ -128,6 +128,16 @@ class TexturedMesh:
         return np.column_stack([along, np.ones(len(along))])
 
     @cached_property
+    def max_offset_m(self) -> float:
+        """Return the largest distance of a triangle's vertex from the plane of its chart, metres."""
+        if not self.frames:
+            return 0.0
+        used = np.unique(self.mesh.triangles)
+        chart = self.mesh.vertex_chart[used]
+        offset = self.mesh.vertices[used] - self.charts.origin[chart]
+        return float(np.abs((offset * self.charts.normals()[chart]).sum(axis=1)).max(initial=0.0))
+
+    @cached_property
     def centres(self) -> Float64Array:
         """Return the centre of every chart, (n, 3) metres."""
         return self.charts.points(np.arange(len(self.charts)), *self.charts.size.T / 2)
@@ -312,7 +322,7 @@ def draw_page_maps(
     return PbrMaps(normal, orm, emissive)
 
 
-def _turn_tangents(tangents: Float64Array, frame: ModelFrame) -> Float64Array:
+def turn_tangents(tangents: Float64Array, frame: ModelFrame) -> Float64Array:
     """Turn tangents (v, 4) of the world to the frame of a model."""
     return np.column_stack([frame.directions(tangents[:, :3]), tangents[:, 3]])
 
@@ -356,7 +366,7 @@ def build_nodes(
                     part.texture_coordinates(mesh.vertex_chart[used], source.coordinates[used]),
                     index.reshape(-1, 3),
                     before + shown,
-                    _turn_tangents(source.tangents[used], frame) if source.maps else None,
+                    turn_tangents(source.tangents[used], frame) if source.maps else None,
                 )
             )
         before += len(part.layout.pages)

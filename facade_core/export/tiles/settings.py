@@ -91,14 +91,14 @@ class OverviewSettings:
     ----------
     max_overview_bytes : maximum size of an overview, bytes.
     max_geometry_share : share of the size that geometry may take.
-    vertex_bytes : size of a vertex with normal and texture coordinates, bytes.
-    triangle_bytes : size of a triangle, bytes.
+    vertex_bytes : size of a vertex with texture coordinates, bytes.
+    triangle_bytes : size of a triangle at most, bytes.
     pixel_bytes : size of an encoded pixel of coarse textures, bytes.
     """
 
     max_overview_bytes: int = 8_000_000
     max_geometry_share: float = 0.5
-    vertex_bytes: int = 32
+    vertex_bytes: int = 20
     triangle_bytes: int = 12
     pixel_bytes: float = 0.15
 

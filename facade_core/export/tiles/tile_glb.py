@@ -11,11 +11,9 @@ from facade_core.core.arrays import Float64Array, IntArray
 from facade_core.export.models.buffers import BYTE, ELEMENT_ARRAY_BUFFER, UNSIGNED_INT, UNSIGNED_SHORT, GlbBuffer
 from facade_core.export.models.encoders import TextureEncoder
 from facade_core.export.models.features import FEATURE_ID_LABELS, FeatureTable, add_feature_ids
-from facade_core.export.models.glb import SAMPLERS, pack_glb, tangent_vectors
+from facade_core.export.models.glb import SAMPLERS, pack_glb, quantise_directions
 from facade_core.export.models.gltf_materials import MaterialTextures, TimeOfDay, build_gltf_materials
 
-# Largest quantised value of a signed byte.
-MAX_BYTE = 127
 # Largest quantised value of an unsigned short.
 MAX_UNSIGNED_SHORT = 65535
 # Minimum step of quantised positions, metres; steps are powers of two that tiles of a size share, so there are no cracks.
@@ -33,7 +31,7 @@ class TileBatch:
     uv : (v, 2) texture coordinates 0 to 1, v down.
     triangles : (t, 3) vertex indices.
     rows : (v, 2) feature rows of the part and the building of a vertex.
-    tangent : (v, 3) unit vectors along u; only of relit meshes.
+    tangent : (v, 4) unit vectors along u with handedness; only of relit meshes.
     """
 
     position: Float64Array
@@ -78,15 +76,13 @@ def encode_tile_glb(
         bounds = {"min": place.min(axis=0).tolist(), "max": place.max(axis=0).tolist()}
         attributes = {
             "POSITION": buffer.add_accessor(place, UNSIGNED_SHORT, "VEC3", **bounds),
-            "NORMAL": buffer.add_accessor(
-                np.round(batch.normal * MAX_BYTE).astype("i1"), BYTE, "VEC3", normalized=True
-            ),
+            "NORMAL": buffer.add_accessor(quantise_directions(batch.normal), BYTE, "VEC3", normalized=True),
             "TEXCOORD_0": buffer.add_accessor(
                 np.round(batch.uv * MAX_UNSIGNED_SHORT).astype("<u2"), UNSIGNED_SHORT, "VEC2", normalized=True
             ),
         }
         if batch.tangent is not None:
-            along = np.round(tangent_vectors(batch.tangent) * MAX_BYTE).astype("i1")
+            along = quantise_directions(batch.tangent)
             attributes["TANGENT"] = buffer.add_accessor(along, BYTE, "VEC4", normalized=True)
         named, mesh_features = add_feature_ids(ids, len(used), buffer)
         wide = len(batch.position) > MAX_UNSIGNED_SHORT

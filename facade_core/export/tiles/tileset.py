@@ -14,7 +14,7 @@ from facade_core.export.attribution import Attribution
 from facade_core.export.models.encoders import MIPMAP_FACTOR, TextureEncoder
 from facade_core.export.models.features import FeatureTable
 from facade_core.export.models.gltf_materials import TimeOfDay, encode_textures, material_texel_ratio
-from facade_core.export.models.textured_mesh import TexturedMesh
+from facade_core.export.models.textured_mesh import TexturedMesh, turn_tangents
 from facade_core.export.tiles.cells import QuadtreeCell
 from facade_core.export.tiles.earth import TilesetFrame
 from facade_core.export.tiles.far_shells import BuildingShells
@@ -111,12 +111,14 @@ class TiledModel:
     shells : shells of the buildings.
     frame : frame of the tileset.
     features : feature table of the block.
+    finest : the same charts as the finest tiles show them, such as with relief; None: as in the source.
     """
 
     source: TexturedMesh
     shells: BuildingShells
     frame: TilesetFrame
     features: FeatureTable
+    finest: TexturedMesh | None = None
 
 
 @dataclass(frozen=True)
@@ -148,6 +150,7 @@ class _TilesetWriter:
             settings.time,
             settings.levels,
         )
+        self.finest = model.finest or model.source
         self.copyright, self.write = copyright, write
         self.tilesets: dict[str, Tileset] = {}
         self.page_texels, self.used_texels, self.draw_calls, self.bytes = 0, 0.0, 0, 0
@@ -182,7 +185,7 @@ class _TilesetWriter:
             return self.leaf_tile(cell, self.levels(cell))
         charts = cell_charts(self.source, cell)
         uri = f"tiles/full{cell.path and '-'}{cell.path}.glb"
-        corners = self.write_content(uri, [(pack_tile_pages(self.source, charts, self.scale), self.rows)])
+        corners = self.write_content(uri, [(pack_tile_pages(self.finest, charts, self.scale), self.rows)])
         return {
             "boundingVolume": {"box": _bounding_box(corners)},
             "geometricError": 0.0,
@@ -243,6 +246,7 @@ class _TilesetWriter:
         density = float((self.source.texels[charts] / self.source.extent[charts]).max())
         errors = [
             ERROR_PIXELS / (density * self.scale * cell.scale),
+            self.finest.max_offset_m,
             *(self.shells.deviation_m[building] for building in shelled.tolist()),
             *(child["geometricError"] for child in children),
         ]
@@ -402,7 +406,7 @@ def _page_batches(pages: TilePages, rows: IntArray, frame: TilesetFrame) -> list
                 drawn.texture_coordinates(chart, source.coordinates[used]),
                 index.reshape(-1, 3),
                 rows[chart],
-                frame.directions(source.charts.axis_u[chart]) if source.maps else None,
+                turn_tangents(source.tangents[used], frame) if source.maps else None,
             )
         )
     return found

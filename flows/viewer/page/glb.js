@@ -1,7 +1,7 @@
 // Binary glTF as facade_core/export/glb.py writes it: unlit triangles, one JPEG for each material, no gaps between values.
 
 const JSON_CHUNK_AT = 12;
-const FLOAT = 5126;
+const KINDS = { 5123: Uint16Array, 5125: Uint32Array, 5126: Float32Array };
 const SIZES = { SCALAR: 1, VEC2: 2, VEC3: 3 };
 
 // {origin: [east, north, up] or null, parts: [{position, uv, triangles, picture}], pictures: [{blob, size: [w, h]}]}; positions x east,
@@ -14,13 +14,13 @@ export function readGlb(buffer) {
   const place = ({ bufferView, byteOffset = 0 }) => data + said.bufferViews[bufferView].byteOffset + byteOffset;
   const values = (number) => {
     const accessor = said.accessors[number];
-    const kind = accessor.componentType === FLOAT ? Float32Array : Uint32Array;
+    const kind = KINDS[accessor.componentType];
     return new kind(buffer, place(accessor), accessor.count * SIZES[accessor.type]);
   };
   const parts = (said.meshes || []).flatMap((mesh) => mesh.primitives.map((primitive) => ({
     position: values(primitive.attributes.POSITION),
     uv: values(primitive.attributes.TEXCOORD_0),
-    triangles: values(primitive.indices),
+    triangles: Uint32Array.from(values(primitive.indices)),
     picture: said.textures[said.materials[primitive.material].pbrMetallicRoughness.baseColorTexture.index].source,
   })));
   const pictures = (said.images || []).map((image) => {

@@ -18,7 +18,9 @@ from facade_core.atlas.stored_files import (
 )
 from facade_core.core.arrays import Int64Array, UInt8Array
 from facade_core.core.errors import StoreError
+from facade_core.core.types import Element
 from facade_core.core.zarr_types import StoreGroup
+from facade_core.export.bodies.textured_relief import add_relief
 from facade_core.export.models.textured_mesh import TexturedMesh, build_textured_mesh
 from facade_core.export.tiles.tile_model import EarlierTile, TileModel, build_tile_model
 from tasks.engine.atlas import Atlas
@@ -41,6 +43,7 @@ class TileInputs:
     charts : its charts with their texels.
     origin : origin of its model in the world.
     crs : frame of the block.
+    elements : elements that are built in depth, metres, y down, by the chart's place in `charts`; none of flat walls.
     buildings : indices of its buildings, in the order of the names.
     layout : digest of the layout of its pictures, by which pictures of an earlier tile are taken over.
     path : its path in the quadtree.
@@ -52,6 +55,7 @@ class TileInputs:
     names: tuple[str, ...] = input_field(GEOMETRY_CHANGED)
     origin: tuple[float, ...] = input_field(SETTINGS_CHANGED)
     crs: str = input_field(SETTINGS_CHANGED)
+    elements: tuple[tuple[int, tuple[Element, ...]], ...] = input_field("elements of facades or texture.relief changed")
     buildings: tuple[int, ...] = field(default=())
     layout: str = field(default="")
     path: str = field(default="")
@@ -71,8 +75,9 @@ def compute_tile(inputs: TileInputs) -> TileModel:
             for chart in chosen.tolist()
         }
 
+    layouts = {texels.charts[place]: own for place, own in inputs.elements}
     return build_tile_model(
-        _textured_scene(inputs.objects.run),
+        add_relief(_textured_scene(inputs.objects.run), layouts),
         np.array(texels.charts),
         texels.texel_digests,
         dict(zip(inputs.buildings, inputs.names, strict=True)),

@@ -231,6 +231,7 @@ OTHER_SETTINGS: dict[str, Any] = {
     "texture.walls": "exemplar",
     "texture.panorama_width": 512,
     "texture.levelling": False,
+    "texture.relief": "off",
     "texture.roof_material": {"path": "a.png", "metres_per_pixel": 0.02},
     "texture.sun": {"azimuth": 200.0, "elevation": 30.0},
     "imagery.photos": {"path": "photos", "rectified": False},

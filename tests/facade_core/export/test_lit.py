@@ -78,6 +78,15 @@ def test_openings_lie_back_and_see_less_sky() -> None:
     )
     assert height[30, 30] == pytest.approx(-RELIEF.opening_depth_m)
     assert height[0, 0] == 0
+    built = estimate_heights(
+        labels,
+        np.full(labels.shape, PbrMaterialClass.PLASTER),
+        np.full(labels.shape, 90, np.float32),
+        labels < 0,
+        20.0,
+        has_relief=True,
+    )
+    np.testing.assert_array_equal(built, np.maximum(height, 0), "geometry sets openings back, and no map does it again")
     found = normals_from_heights(height, 20.0)
     assert found[30, 19, 0] > 0.5, "the left reveal faces right"
     assert found[15, 30, 1] < -0.5, "the head faces down"

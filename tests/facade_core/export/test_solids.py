@@ -20,7 +20,7 @@ from facade_core.export.bodies.patches import (
     triangulate_nonplanar_polygons,
     weld_polygons,
 )
-from facade_core.export.bodies.recess import intersects_box, recess_opening
+from facade_core.export.bodies.recess import WallSpace, intersects_box, recess_opening
 from facade_core.export.models.textured_mesh import TexturedMesh
 from facade_core.geometry.block_surfaces import build_block_surfaces
 from facade_core.geometry.charts import ChartKind
@@ -97,7 +97,7 @@ def test_openings_are_as_deep_as_there_is_room(coloured: TexturedMesh) -> None:
     for gap, depth in ((0.3, 0.15), (0.1, 0.05), (0.04, 0.0)):
         behind = wall - gap * out
         triangles = behind[[[0, 1, 2], [0, 2, 3]]]
-        found = recess_opening(opening, 0.15, charts, chart, wall, [triangles])
+        found = recess_opening(opening, 0.15, WallSpace(charts, chart, wall, [triangles]))
         assert found.depth == depth
         np.testing.assert_allclose((wall[0] - found.pane_ring) @ out, depth, atol=1e-9)
         assert len(found.reveals()) == (4 if depth else 0)

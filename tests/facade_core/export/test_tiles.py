@@ -16,7 +16,9 @@ from PIL import Image
 from pyproj import Transformer
 
 from facade_core.core.errors import InputError
+from facade_core.core.types import Element
 from facade_core.export.attribution import Attribution, DataSource
+from facade_core.export.bodies.textured_relief import add_relief
 from facade_core.export.lighting.relighting import build_relightable_mesh
 from facade_core.export.models.encoders import MIPMAP_FACTOR, texture_encoder
 from facade_core.export.models.features import FeatureTable, MetadataProperty
@@ -108,13 +110,14 @@ def written(
     textures: str = "jpeg",
     time: TimeOfDay = "day",
     settings: CellSettings = TILE_CELLS,
+    finest: TexturedMesh | None = None,
 ) -> tuple[TilesetSummary, dict[str, bytes], int]:
     files: dict[str, bytes] = {}
     cells = build_quadtree(source, settings)
     shells = build_shells(source, 10 * settings.coarse_scale)
     frame = earth_tangent_frame(CRS, mesh_y_up_frame(source.mesh).origin)
     made = write_tileset(
-        TiledModel(source, shells, frame, features(source)),
+        TiledModel(source, shells, frame, features(source), finest),
         cells,
         TileSettings(texture_encoder(textures), scale, time),
         files.__setitem__,
@@ -156,6 +159,28 @@ def drawn_ids(glb: bytes) -> set[str]:
         data = np.frombuffer(glb, "<u2", accessor["count"] * 2, start + view["byteOffset"])[::2]
         found |= {rows[row]["id"] for row in np.unique(data).tolist()}
     return found
+
+
+def count_triangles(glb: bytes) -> int:
+    document, _ = read_glb_header(io.BytesIO(glb))
+    return sum(document["accessors"][p["indices"]]["count"] // 3 for p in document["meshes"][0]["primitives"])
+
+
+def test_only_the_finest_tiles_have_relief_and_coarse_ones_state_its_depth(coloured: TexturedMesh) -> None:
+    charts = coloured.charts
+    walls = np.flatnonzero((charts.building == 0) & (charts.kind == ChartKind.WALL))
+    wall = int(walls[np.argmax(charts.size[walls, 0])])
+    deep = add_relief(coloured, {wall: [Element("window", 1, 2, 2.5, 4), Element("balcony", 4, 3, 7, 4)]})
+    assert deep.max_offset_m == pytest.approx(0.9, abs=0.01)
+    for scale in (1.0, 4.0):
+        _, flat, _ = written(coloured, scale)
+        made, files, _ = written(coloured, scale, finest=deep)
+        assert flat.keys() == files.keys()
+        for uri, glb in files.items():
+            more = count_triangles(glb) - count_triangles(flat[uri])
+            assert more == (len(deep.mesh.triangles) - len(coloured.mesh.triangles) if "full" in uri else 0)
+        root = made.tilesets["tileset.json"]["root"]
+        assert root["geometricError"] >= deep.max_offset_m
 
 
 @pytest.mark.parametrize("texels", [TILE_CELLS.max_coarse_tile_texels, 60_000, 3_000])

@@ -18,8 +18,8 @@ from tasks.publish.published_run import PublishedBlock
 def test_an_obj_is_the_textured_model(
     undisturbed: tuple[Path, dict[str, Any]], found: PublishedBlock, tmp_path: Path
 ) -> None:
-    path = Path(str(export_run(undisturbed[0], "obj", tmp_path / "obj").files[0]))
-    glb = Path(str(export_run(undisturbed[0], "glb", tmp_path / "glb", lit=False).files[0]))
+    path = Path(str(export_run(undisturbed[0], "obj", tmp_path / "obj", relief="off").files[0]))
+    glb = Path(str(export_run(undisturbed[0], "glb", tmp_path / "glb", lit=False, relief="off").files[0]))
     model, other = (trimesh.load(file, process=False, force="scene") for file in (path, glb))
     np.testing.assert_allclose(model.bounds, other.bounds, atol=0.002)
     assert sum(len(part.faces) for part in model.geometry.values()) == len(found.textured_mesh.mesh.triangles)
@@ -37,19 +37,20 @@ def test_an_obj_is_the_textured_model(
 def test_relief_adds_elements_to_the_buildings_alone(
     undisturbed: tuple[Path, dict[str, Any]], found: PublishedBlock, tmp_path: Path
 ) -> None:
-    flat, off, deep = (
+    deep, flat, same = (
         trimesh.load(
             Path(str(export_run(undisturbed[0], "glb", tmp_path / str(k), lit=False, **options).files[0])),
             force="scene",
         )
         for k, options in enumerate(({}, {"relief": "off"}, {"relief": "elements"}))
     )
-    assert (tmp_path / "0" / "block.glb").read_bytes() == (tmp_path / "1" / "block.glb").read_bytes()
-    assert set(deep.geometry) == set(flat.geometry) == set(off.geometry)
+    default, off, asked = ((tmp_path / str(k) / "block.glb").read_bytes() for k in range(3))
+    assert default == asked != off, "as texture.relief states unless an option does"
+    assert set(deep.geometry) == set(flat.geometry) == set(same.geometry)
     more = {name: len(part.faces) - len(flat.geometry[name].faces) for name, part in deep.geometry.items()}
     elements = sum(len(found.elements(i)) for i in found.select_finished_facades(found.select_buildings(())))
     assert 0 < sum(more.values()) <= 40 * elements
     assert all(count == 0 for name, count in more.items() if name.startswith("ground"))
     np.testing.assert_allclose(deep.bounds, flat.bounds, atol=1.0)
-    with pytest.raises(InputError, match="--relief: is of glb and obj and usd"):
+    with pytest.raises(InputError, match="--relief: is of glb and 3dtiles and obj and usd"):
         export_run(undisturbed[0], "lod3", tmp_path / "lod3", relief="elements")

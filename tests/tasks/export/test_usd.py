@@ -18,7 +18,7 @@ Run = tuple[Path, dict[str, Any]]
 
 @pytest.fixture(scope="module")
 def folder(undisturbed: Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return Path(str(export_run(undisturbed[0], "usd", tmp_path_factory.mktemp("export") / "usd").path))
+    return Path(str(export_run(undisturbed[0], "usd", tmp_path_factory.mktemp("export") / "usd", relief="off").path))
 
 
 def errors_of(stage: Any) -> list[str]:

@@ -22,7 +22,8 @@ from catalogs.block.reader import TextureSettings
 from catalogs.block.settings import replace_settings
 from catalogs.readers.pictures.aerial import Orthophoto
 from catalogs.readers.pictures.materials import MaterialPicture, RoofPicture
-from facade_core.core.types import Building, BuildingShell, IngestSettings, Pose, Street
+from facade_core.core.types import Building, BuildingShell, Element, IngestSettings, Pose, Street
+from facade_core.export.tiles.block_tiles import BlockTile
 from facade_core.imagery.poses.joint_refinement import PriorPose
 from facade_core.plan.ingest import BlockInputs, build_plan
 from facade_core.plan.plan import Plan
@@ -37,6 +38,7 @@ from tasks.stages.poses.stage import list_pose_units
 from tasks.stages.shared.scene_view import store_charts
 from tasks.stages.surfaces.stage import surface_inputs
 from tasks.stages.textures.stage import texture_inputs
+from tasks.stages.tiles.stage import tile_inputs
 from tests.settings import block_settings
 
 RUN = Run(
@@ -340,3 +342,17 @@ def test_a_sun_is_in_the_keys_of_surfaces_alone_and_reaches_as_far_as_shadows() 
     assert key(sunny) != key(changed(RUN, {"sun": SunSettings(200.0, 31.0)}))
     assert key(RUN) == key(RUN, "far")
     assert key(sunny) == key(sunny, "far")
+
+
+def test_elements_in_depth_are_in_the_keys_of_tiles_with_the_houses_before_them() -> None:
+    def key(elements: list[Element], *kinds: str) -> str:
+        plan = planned(*kinds)
+        charts = np.flatnonzero(plan.scene.charts.building == plan.scene.names.index("a"))
+        tile = BlockTile("0_0", np.array([plan.scene.names.index("a")]), charts, (0.0, 0.0, 0.0))
+        return join_key(digest_inputs(tile_inputs(RUN, plan, 0, tile, {}, dict.fromkeys(charts.tolist(), elements))))
+
+    window = [Element("window", 1.0, 2.0, 2.0, 4.0)]
+    assert differing_inputs(key([]), key(window)) == ["elements"]
+    assert key([]) == key([], "near")
+    assert differing_inputs(key(window), key(window, "near")) == ["objects"]
+    assert key(window) == key(window, "far")
