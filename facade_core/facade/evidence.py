@@ -13,6 +13,7 @@ from facade_core.facade.layout.visible_region import dilate_hidden_by_window, vi
 from facade_core.imagery.detect.detection import FacesPlatesAndText
 from facade_core.imagery.rectify.change_detection import ChangeSinceCapture
 from facade_core.imagery.rectify.crop import FacadeCrop
+from facade_core.imagery.rectify.element_parallax import GreyView
 from facade_core.parsing.segmentation import Segmentation
 
 
@@ -41,6 +42,7 @@ class Evidence:
     pictures : path and pose of panoramas.
     picture : (h, w) int8 number of the panorama of each texel, -1 without; None of other pictures.
     photo : facade of a photo in all its pixels; None of other pictures.
+    grey_views : wall in each panorama of the newest capture, in the order of `picture`, finer than `image`.
     """
 
     image: UInt8Array
@@ -62,6 +64,7 @@ class Evidence:
     pictures: tuple[tuple[Path, Pose], ...] = ()
     picture: AnyArray | None = None
     photo: FacadeCrop | None = None
+    grey_views: tuple[GreyView, ...] = ()
 
     @property
     def parsing(self) -> Parsing:

@@ -96,7 +96,7 @@ class PublishedBlock(StoredBlock):
         """Return the elements of a completed facade, in texels, y down."""
         record = self.records[facade]
         rows = record.get("elements", []) if record else []
-        return [Element(row[0], *map(float, row[1:6])) for row in rows]
+        return [Element(*row) for row in rows]
 
     def select_finished_facades(self, buildings: IntArray) -> list[int]:
         """Return the facades of some buildings that have a completed layout and texture.

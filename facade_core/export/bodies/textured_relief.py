@@ -17,7 +17,7 @@ from facade_core.export.bodies.element_relief import place_elements
 from facade_core.export.bodies.openings import chart_outlines
 from facade_core.export.bodies.patches import MeshPolygon, triangulate_mesh_polygon
 from facade_core.export.bodies.recess import has_room, project_on_wall, recess_opening
-from facade_core.export.bodies.settings import ELEMENT_DEPTHS
+from facade_core.export.bodies.settings import MAX_OUTWARD_M
 from facade_core.export.models.textured_mesh import TexturedMesh, VertexFrames
 from facade_core.geometry.charts import Charts, Mesh
 
@@ -94,7 +94,7 @@ def _build_elements(
     out = charts.normals()[chart]
     for element in place_elements(outline, elements):
         outward = element.depth.outward_m
-        if element.is_cut:
+        if element.is_cut or not outward:
             continue
         if outward < 0:
             opening = recess_opening(element.outline, -outward, charts, chart, corners, behind)
@@ -154,10 +154,9 @@ def add_relief(source: TexturedMesh, layouts: Mapping[int, Sequence[Element]]) -
 def _neighbour_triangles(source: TexturedMesh, chart: int) -> list[Float64Array]:
     """Return the triangles (t, 3, 3) of other buildings' charts that an element of a chart could meet."""
     mesh, charts = source.mesh, source.charts
-    reach = max(depth.outward_m for depth in ELEMENT_DEPTHS.values())
     return [
         mesh.vertices[mesh.triangles[mesh.chart_triangles(other)]]
-        for other in charts.charts_within(chart, reach).tolist()
+        for other in charts.charts_within(chart, MAX_OUTWARD_M).tolist()
         if charts.building[other] not in (-1, charts.building[chart])
     ]
 
