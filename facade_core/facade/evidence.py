@@ -13,7 +13,6 @@ from facade_core.facade.layout.visible_region import dilate_hidden_by_window, vi
 from facade_core.imagery.detect.detection import FacesPlatesAndText
 from facade_core.imagery.rectify.change_detection import ChangeSinceCapture
 from facade_core.imagery.rectify.crop import FacadeCrop
-from facade_core.imagery.rectify.element_parallax import GreyView
 from facade_core.parsing.segmentation import Segmentation
 
 
@@ -42,7 +41,8 @@ class Evidence:
     pictures : path and pose of panoramas.
     picture : (h, w) int8 number of the panorama of each texel, -1 without; None of other pictures.
     photo : facade of a photo in all its pixels; None of other pictures.
-    grey_views : wall in each panorama of the newest capture, in the order of `picture`, finer than `image`.
+    grey : brightness (r, c) uint8 of the wall in each panorama of the newest capture, in the order of `pictures` and at least
+        as fine as `image`; 0 where it is not clear.
     """
 
     image: UInt8Array
@@ -64,7 +64,7 @@ class Evidence:
     pictures: tuple[tuple[Path, Pose], ...] = ()
     picture: AnyArray | None = None
     photo: FacadeCrop | None = None
-    grey_views: tuple[GreyView, ...] = ()
+    grey: tuple[UInt8Array, ...] = ()
 
     @property
     def parsing(self) -> Parsing:

@@ -10,7 +10,8 @@ from facade_core.core.arrays import AnyArray
 from facade_core.core.types import Element
 from facade_core.facade.evidence import Evidence
 from facade_core.facade.facade import Facade, time_stage
-from facade_core.imagery.rectify.element_parallax import measure_element_depths
+from facade_core.imagery.rectify.element_parallax import GreyView, measure_element_depths
+from facade_core.imagery.rectify.pictured_plane import camera_in_chart_frame
 from facade_core.plan.plan import Plan
 
 
@@ -22,21 +23,22 @@ def measure_depths(plan: Plan, chart: int, facade: Facade, evidence: Evidence) -
     facade : facade at the size of its chart.
     evidence : its pictures.
     """
-    if len(evidence.grey_views) < 2 or evidence.picture is None or not facade.elements:
+    if len(evidence.grey) < 2 or evidence.picture is None or not facade.elements:
         return facade
     seconds = dict(facade.seconds)
     with time_stage(seconds, "depths"):
-        rows, _ = facade.labels.shape
         density = float(plan.scene.placement.texels_per_metre[chart])
         metres = [
             replace(e, x0=e.x0 / density, y0=e.y0 / density, x1=e.x1 / density, y1=e.y1 / density)
             for e in facade.elements
         ]
-        height_m = rows / density
+        views = [
+            GreyView(grey, camera_in_chart_frame(plan.scene, chart, pose))
+            for grey, (_, pose) in zip(evidence.grey, evidence.pictures, strict=False)
+        ]
+        height_m = len(facade.labels) / density
         source = np.array([_shown_by(evidence.picture, len(evidence.picture) / height_m, e) for e in metres])
-        measured = measure_element_depths(
-            metres, evidence.grey_views, source, evidence.grey_views[0].grey.shape[0] / height_m
-        )
+        measured = measure_element_depths(metres, views, source, len(views[0].grey) / height_m)
     elements = list(facade.elements)
     for one in measured:
         for k in one.members if one.is_reliable else ():

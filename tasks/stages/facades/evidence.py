@@ -22,7 +22,7 @@ from facade_core.imagery.detect.detection import FacesPlatesAndText, detect_on_p
 from facade_core.imagery.rectify.change_detection import ChangeSinceCapture, detect_changes
 from facade_core.imagery.rectify.colour_fringes import remove_colour_fringes
 from facade_core.imagery.rectify.crop import wall_surroundings_mask
-from facade_core.imagery.rectify.element_parallax import GreyView, grey_where_clear
+from facade_core.imagery.rectify.element_parallax import grey_where_clear
 from facade_core.imagery.rectify.fusion import ChartView, as_chart_view, fuse_views
 from facade_core.imagery.rectify.model_texture import render_model_texture
 from facade_core.imagery.rectify.panorama import rectify_chart_from_panorama
@@ -119,7 +119,6 @@ def _fuse_panoramas(
     if not newest:
         newest, earlier = earlier, []
     views, before = [one.view for one in newest], None
-    shown = tuple(GreyView(one.grey, camera_in_chart_frame(plan.scene, chart, one.pose)) for one in newest)
     if not views:
         return None
     if earlier:
@@ -154,7 +153,7 @@ def _fuse_panoramas(
         before=before,
         pictures=tuple((one.path, one.pose) for one in (*newest, *earlier)),
         picture=fused.source,
-        grey_views=shown,
+        grey=tuple(one.grey for one in newest),
     )
 
 
