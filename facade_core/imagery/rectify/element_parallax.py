@@ -95,7 +95,8 @@ def measure_element_depths(
     One depth for each type that two pictures show from places far enough apart.
     """
     gradients = [_limited_gradients(view.grey) for view in views]
-    groups = group_elements(elements)
+    # the panes of shops show the room behind them
+    groups = [group for group in group_elements(elements) if elements[group[0]].label != "shop"]
     shown = [[k for k in group if source[k] >= 0] for group in groups]
     matched = {k for own in shown for k in own[:: -(-len(own) // PARALLAX.max_matched) or 1]}
     sweeps: list[_ElementSweep] = []

@@ -390,7 +390,7 @@ class ElementParallax:
     parts: int = 2
     max_size_ratio: float = 1.25
     min_members: int = 3
-    max_matched: int = 8
+    max_matched: int = 12
     peak_width_m: float = 0.1
     min_peak_share: float = 0.6
     min_prominence: float = 0.05
