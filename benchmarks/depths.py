@@ -84,17 +84,8 @@ def deepen(street: SyntheticStreet, number: int, rng: np.random.Generator) -> De
     grey = np.asarray(cv2.cvtColor(painted.image, cv2.COLOR_RGB2GRAY), np.uint8)
     for opening in find_openings(painted.labels):
         glass[opening.box] = glass_mask(opening, grey, PAINTED_DENSITY)
-    kept = {e.depth_m for e in elements}
-    assert kept
-    return DeepFacade(
-        RayCaster(mesh),
-        mesh,
-        np.concatenate(place),
-        painted.image,
-        glass,
-        float(rng.uniform(0.3, 0.8)),
-        tuple(elements),
-    )
+    clearness = float(rng.uniform(0.3, 0.8))
+    return DeepFacade(RayCaster(mesh), mesh, place, painted.image, glass, clearness, tuple(elements))
 
 
 def render_view(

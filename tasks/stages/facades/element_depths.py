@@ -8,6 +8,7 @@ import numpy as np
 
 from facade_core.core.arrays import AnyArray
 from facade_core.core.types import Element
+from facade_core.export.bodies.settings import BALCONY_SHAPES
 from facade_core.facade.evidence import Evidence
 from facade_core.facade.facade import Facade, time_stage
 from facade_core.imagery.rectify.element_parallax import GreyView, measure_element_depths
@@ -42,8 +43,17 @@ def measure_depths(plan: Plan, chart: int, facade: Facade, evidence: Evidence) -
     elements = list(facade.elements)
     for one in measured:
         for k in one.members if one.is_reliable else ():
-            elements[k] = replace(elements[k], depth_m=round(one.outward_m, 2), depth_source="parallax")
+            elements[k] = replace(
+                elements[k], depth_m=_stored_depth(elements[k].label, one.outward_m), depth_source="parallax"
+            )
     return replace(facade, elements=tuple(elements), seconds=seconds)
+
+
+def _stored_depth(label: str, outward_m: float) -> float:
+    """Return a depth in whole centimetres; openings do not stand out, and a railing at the wall has none."""
+    if label == "balcony":
+        return round(outward_m, 2) if outward_m >= 2 * BALCONY_SHAPES.railing_thickness_m else 0.0
+    return -round(max(-outward_m, 0.0), 2) + 0.0
 
 
 def _shown_by(picture: AnyArray, density: float, element: Element) -> int:
