@@ -57,7 +57,7 @@ class MeasuredDepth(NamedTuple):
     error_m : standard error, metres.
     members : indices of the elements.
     correlation : agreement of the pictures at this depth, -1 to 1.
-    margin : agreement above the best other depth, of an opening the best farther out.
+    margin : agreement above the best other depth, of a recessed opening the best farther out.
     margin_error : standard error of the margin.
     """
 
@@ -100,17 +100,23 @@ def measure_element_depths(
     shown = [[k for k in group if source[k] >= 0] for group in groups]
     matched = {k for own in shown for k in own[:: -(-len(own) // PARALLAX.max_matched) or 1]}
     sweeps: list[_ElementSweep] = []
-    for reference in range(len(views)):
+    for reference, view in enumerate(views):
         own = [(k, elements[k]) for k in sorted(matched) if source[k] == reference]
-        for other in range(len(views)):
-            if own and other != reference:
-                pair = _PicturePair(
-                    gradients[reference], gradients[other], views[reference].camera, views[other].camera,
-                    texels_per_metre,
-                )  # fmt: skip
-                sweeps += _sweep_pair(pair, own, elements)
+        for other in _near_cameras(views, reference, texels_per_metre) if own else ():
+            cameras = view.camera, views[other].camera
+            pair = _PicturePair(gradients[reference], gradients[other], *cameras, texels_per_metre)
+            sweeps += _sweep_pair(pair, own, elements)
     found = (_pool_sweeps(sweeps, group, is_recessed=is_opening(elements[group[0]])) for group in groups)
     return [one for one in found if one is not None]
+
+
+def _near_cameras(views: Sequence[GreyView], reference: int, texels_per_metre: float) -> list[int]:
+    """Return the views from places beside that of a reference, the nearest first: pictures from afar look different."""
+    own = views[reference].camera
+    apart = [float(np.hypot(v.camera.right - own.right, v.camera.down - own.down)) for v in views]
+    near = [k for k in np.argsort(apart, kind="stable").tolist() if k != reference]
+    least = PARALLAX.min_texels_per_metre / texels_per_metre * own.before
+    return [k for k in near if apart[k] >= least][: PARALLAX.max_pairs]
 
 
 def group_elements(elements: Sequence[Element]) -> list[tuple[int, ...]]:
@@ -376,8 +382,9 @@ def _pool_sweeps(
     best = _find_peak(total, is_recessed=is_recessed)
     if n < 2 or best is None:
         return None
-    # what is behind an opening is a room
-    gap = DEPTHS - DEPTHS[best] if is_recessed else np.abs(DEPTHS - DEPTHS[best])
+    # behind a recessed frame is a room, but a peak at the wall may be the opening's surround
+    is_frame = is_recessed and DEPTHS[best] <= -PARALLAX.min_recess_m
+    gap = DEPTHS - DEPTHS[best] if is_frame else np.abs(DEPTHS - DEPTHS[best])
     rivals = np.flatnonzero(gap > PARALLAX.peak_width_m)
     rival = int(rivals[total[rivals].argmax()])
     left_out = [_pooled(np.delete(agreement, k, 0), np.delete(weight, k, 0)) for k in range(n)]
