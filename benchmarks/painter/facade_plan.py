@@ -102,7 +102,8 @@ class FacadePlan:
 
     def elements(self) -> list[Element]:
         """Return the openings as elements."""
-        return [Element(o.label, *map(float, o.box)) for o in self.openings]
+        boxes = ((o.label, [float(side) for side in o.box]) for o in self.openings)
+        return [Element(label, x0, y0, x1, y1) for label, (x0, y0, x1, y1) in boxes]
 
 
 def plan_facade(

@@ -185,6 +185,11 @@ COLUMNS = (
         "balconies", COUNT, "", "Balconies", "Balconies of the completed facade", is_common=True, of_building="sum"
     ),
     _recorded(
+        "depths_measured", COUNT, "", "Depths measured",
+        "Windows, doors, balconies and shops whose depth pictures measure; the depths of the rest are assumed by class",
+        of_building="sum",
+    ),
+    _recorded(
         "shops", COUNT, "", "Shops", "Shop fronts of the completed facade; adjoining shops count as one",
         is_common=True, of_building="sum",
     ),

@@ -126,7 +126,8 @@ class Atlas:
         """Return the rasters of a facade's chart, as in `chart`, with the facade's attributes.
 
         Further attrs: facade, building, street, width and height (m), floors, levels (by the map), seen, and elements:
-        the completed facade's elements as JSON, in texels.
+        the completed facade's elements as JSON: class, left, top, right, bottom (texels), probability, depth (metres before the
+        wall) and what it rests on.
 
         Raises
         ------

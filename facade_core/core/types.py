@@ -26,13 +26,15 @@ Box = tuple[int, int, int, int]
 class Element:
     """Axis-parallel rectangle of one class: pixels or metres, y down, half-open.
 
-    Confidence does not count in comparisons.
+    Confidence and depth do not count in comparisons.
 
     Attributes
     ----------
     label : class name, one of ELEMENT_CLASSES.
     x0, y0, x1, y1 : left, top, right and bottom.
     confidence : certainty of the parser, 0 to 1; 1 where the rectangle is given.
+    depth_m : metres before the wall, negative behind it; None where nothing is known.
+    depth_source : "parallax" if pictures measure the depth, "assumed" if it follows from the class.
     """
 
     label: str
@@ -41,6 +43,8 @@ class Element:
     x1: float
     y1: float
     confidence: float = field(default=1.0, compare=False)
+    depth_m: float | None = field(default=None, compare=False)
+    depth_source: str = field(default="", compare=False)
 
     @property
     def width(self) -> float:

@@ -41,6 +41,8 @@ class Evidence:
     pictures : path and pose of panoramas.
     picture : (h, w) int8 number of the panorama of each texel, -1 without; None of other pictures.
     photo : facade of a photo in all its pixels; None of other pictures.
+    grey : brightness (r, c) uint8 of the wall in each panorama of the newest capture, in the order of `pictures` and at least
+        as fine as `image`; 0 where it is not clear.
     """
 
     image: UInt8Array
@@ -62,6 +64,7 @@ class Evidence:
     pictures: tuple[tuple[Path, Pose], ...] = ()
     picture: AnyArray | None = None
     photo: FacadeCrop | None = None
+    grey: tuple[UInt8Array, ...] = ()
 
     @property
     def parsing(self) -> Parsing:

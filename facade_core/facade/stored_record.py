@@ -12,7 +12,7 @@ class StoredFacadeRecord(Record, total=False):
     ----------
     source : picture or exemplar that the facade is made from.
     lattice : rows and columns, texels.
-    elements : label, x0, y0, x1, y1, confidence.
+    elements : label, x0, y0, x1, y1 in texels, confidence, depth in metres outward, source of the depth.
     provenance : share of texels of each provenance.
     cut_kept : share of the rectified picture that was cut out.
     cut_found : whether a facade was found there.
@@ -24,7 +24,7 @@ class StoredFacadeRecord(Record, total=False):
 
     source: str
     lattice: dict[str, list[int]]
-    elements: list[tuple[str, float, float, float, float, float]]
+    elements: list[tuple[str, float, float, float, float, float, float, str]]
     provenance: list[float]
     cut_kept: float
     cut_found: bool

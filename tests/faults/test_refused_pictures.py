@@ -108,11 +108,11 @@ def test_a_fault_of_the_machine_refuses_no_picture(make: Callable[..., Any], fau
 def test_of_several_panoramas_those_that_serve_are_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     taken = []
 
-    def view(plan: Any, chart: int, path: Path, pose: Pose, size: tuple[int, int], parser: None) -> Path:
+    def view(plan: Any, chart: int, path: Path, pose: Pose, size: tuple[int, int], parser: None) -> Any:
         if path.stem == "one":
             raise ImageError("one.jpg: broken")
         taken.append(path.name)
-        return path
+        return path, np.zeros(SIZE, np.uint8)
 
     seen = np.ones(SIZE, bool)
     fused = Value(
@@ -152,7 +152,7 @@ def test_a_facade_of_which_pictures_show_little_is_completed_where_that_is_two_s
 ) -> None:
     seen = np.broadcast_to(np.arange(SIZE[0])[:, None] >= SIZE[0] * (1 - shown), SIZE)
     view = ChartView(np.zeros((*SIZE, 3), np.uint8), seen, seen.astype(np.float32))
-    monkeypatch.setattr(evidence, "_view_of_panorama", lambda *_: view)
+    monkeypatch.setattr(evidence, "_view_of_panorama", lambda *_: (view, view.rgb[..., 0]))
     monkeypatch.setattr(evidence, "capture_date", lambda path: None)
     monkeypatch.setattr(evidence, "_reject_other_planes", lambda plan, chart, newest, earlier, _: (newest, earlier))
     monkeypatch.setattr(evidence, "wall_surroundings_mask", lambda *_, **__: None)
@@ -163,7 +163,7 @@ def test_a_facade_of_which_pictures_show_little_is_completed_where_that_is_two_s
 
 def test_a_picture_of_another_building_is_refused_with_its_reason(monkeypatch: pytest.MonkeyPatch) -> None:
     view = ChartView(np.zeros((*SIZE, 3), np.uint8), np.ones(SIZE, bool), np.ones(SIZE, np.float32))
-    monkeypatch.setattr(evidence, "_view_of_panorama", lambda *_: view)
+    monkeypatch.setattr(evidence, "_view_of_panorama", lambda *_: (view, view.rgb[..., 0]))
     monkeypatch.setattr(evidence, "capture_date", lambda path: None)
     monkeypatch.setattr(evidence, "camera_in_chart_frame", lambda *_: None)
     monkeypatch.setattr(evidence, "explain_other_planes", lambda *_: ["", "turned by 25 degrees"])

@@ -71,7 +71,7 @@ def test_labels_layout_and_picture_of_a_facade_agree(undisturbed: tuple[Path, di
         assert float((labels == FacadeClass.SHOP).any(axis=0).mean()) == pytest.approx(row["shop_width"], abs=1e-3)
         found = json.loads(facade.attrs["elements"])
         in_boxes = np.zeros(labels.shape, bool)
-        for name, x0, y0, x1, y1, _ in found:
+        for name, x0, y0, x1, y1, *_ in found:
             box = np.s_[max(0, round(y0)) : round(y1), max(0, round(x0)) : round(x1)]
             if name == "window":
                 # a balcony may hide a part of it, and the box of a door beside reach into it

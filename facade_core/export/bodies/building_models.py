@@ -135,7 +135,7 @@ def build_building_model_parts(
         balconies += [
             (facades[chart], _attach_to_wall(packed, chart, balcony_faces(e.outline, e.depth.outward_m)))
             for e in placed
-            if e.label == "balcony"
+            if e.label == "balcony" and e.depth.outward_m
         ]
         along = place_ledges(wall, elements) if wall.is_valid else []
         ledges += [(facades[chart], _attach_to_wall(packed, chart, ledge_faces(box))) for box in along]

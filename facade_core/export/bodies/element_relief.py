@@ -22,7 +22,7 @@ class ElementRelief:
     ----------
     label : class.
     outline : outline in the chart's frame, metres, y down.
-    depth : the depth that the class has and the source of the value.
+    depth : its own depth, or that of its class, and the source of the value.
     is_cut : True if the wall's border or another element cuts the element.
     """
 
@@ -51,7 +51,7 @@ def place_elements(wall: Polygon, elements: Sequence[Element]) -> list[ElementRe
     for element, outline in placed:
         west, _, east, _ = outline.bounds
         found.append(
-            ElementRelief(element.label, outline, element_depth(element.label, east - west), _is_cut(element, outline))
+            ElementRelief(element.label, outline, element_depth(element, east - west), _is_cut(element, outline))
         )
     return found
 

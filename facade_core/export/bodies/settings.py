@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from facade_core.core.types import Element
+from facade_core.imagery.rectify.settings import PARALLAX
+
 
 @dataclass(frozen=True, slots=True)
 class BodySettings:
@@ -122,32 +125,27 @@ class ElementDepth(NamedTuple):
     Attributes
     ----------
     outward_m : metres before the plane of the wall; negative behind it.
-    source : what the value rests on.
+    source : "parallax" if pictures measure it, "assumed" if it follows from the class.
     """
 
     outward_m: float
     source: str
 
 
-# A recess of a brick: London's Building Act of 1709 requires 4 inches (0.10 m), half a brick; Trafford's design code of
-# today 0.075 m. Stone and plaster of the 19th century are deeper.
-_RECESS = ElementDepth(-0.15, "assumed by class: between half a brick, 0.10 m, and a brick, 0.21 m")
-# Depths by class, and of balconies by width: the table of every model with elements as geometry.
-ELEMENT_DEPTHS = {
-    "window": _RECESS,
-    "door": _RECESS,
-    "shop": _RECESS,
-    "balcony": ElementDepth(0.9, "assumed by class and width: room for a chair"),
-    "narrow balcony": ElementDepth(0.35, "assumed by class and width: a step before a single window"),
-}
-# Greatest depth of an element before its wall, metres.
-MAX_ELEMENT_DEPTH_M = max(depth.outward_m for depth in ELEMENT_DEPTHS.values())
+# Depths by class, and of balconies by width, metres outward, where no pictures measure them. Openings: a recess between half a
+# brick, 0.10 m (4 inches by London's Building Act of 1709; 0.075 m in Trafford's design code of today), and a brick, 0.21 m.
+# Stone and plaster of the 19th century are deeper. Balconies: room for a chair, and a step before a single window.
+ELEMENT_DEPTHS = {"window": -0.15, "door": -0.15, "shop": -0.15, "balcony": 0.9, "narrow balcony": 0.35}
+# Elements of all models stand out by at most this: pictures are not searched farther out.
+MAX_OUTWARD_M = PARALLAX.depths_m[1]
 
 
-def element_depth(label: str, width_m: float) -> ElementDepth:
-    """Return the depth of an element of a class and width; each balcony is wide or narrow."""
-    is_narrow = label == "balcony" and width_m < BALCONY_SHAPES.min_wide_balcony_m
-    return ELEMENT_DEPTHS["narrow balcony" if is_narrow else label]
+def element_depth(element: Element, width_m: float) -> ElementDepth:
+    """Return the depth of an element, or that of its class and width; each balcony is wide or narrow."""
+    if element.depth_m is not None:
+        return ElementDepth(element.depth_m, element.depth_source)
+    is_narrow = element.label == "balcony" and width_m < BALCONY_SHAPES.min_wide_balcony_m
+    return ElementDepth(ELEMENT_DEPTHS["narrow balcony" if is_narrow else element.label], "assumed")
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from facade_core.export.bodies.balconies import balcony_faces
 from facade_core.export.bodies.element_relief import place_elements
 from facade_core.export.bodies.openings import chart_outlines
 from facade_core.export.bodies.recess import WallSpace
-from facade_core.export.bodies.settings import MAX_ELEMENT_DEPTH_M
+from facade_core.export.bodies.settings import MAX_OUTWARD_M
 from facade_core.export.models.textured_mesh import TexturedMesh, VertexFrames
 from facade_core.geometry.charts import Charts, Mesh
 
@@ -94,7 +94,9 @@ def _build_elements(
     space: WallSpace, outline: Polygon, elements: Sequence[Element]
 ) -> tuple[Float64Array, list[ReliefFaces]]:
     """Build the elements of a wall polygon; returns the holes (n, 4, 2) that they need, and their faces."""
-    placed = [element for element in place_elements(outline, elements) if not element.is_cut]
+    placed = [
+        element for element in place_elements(outline, elements) if element.depth.outward_m and not element.is_cut
+    ]
     boxes = np.array([element.outline.bounds for element in placed]).reshape(-1, 4)
     outward = np.array([element.depth.outward_m for element in placed])
     is_opening = outward < 0
@@ -210,7 +212,7 @@ def _neighbour_triangles(source: TexturedMesh, chart: int) -> list[Float64Array]
     mesh, charts = source.mesh, source.charts
     return [
         mesh.vertices[mesh.triangles[mesh.chart_triangles(other)]]
-        for other in charts.charts_within(chart, MAX_ELEMENT_DEPTH_M).tolist()
+        for other in charts.charts_within(chart, MAX_OUTWARD_M).tolist()
         if charts.building[other] not in (-1, charts.building[chart])
     ]
 

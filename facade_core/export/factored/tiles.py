@@ -111,4 +111,4 @@ class FactoredLeafBuilder:
 
 def _recess_error() -> float:
     """Return the geometric error, metres, of a level without recesses."""
-    return -ELEMENT_DEPTHS["window"].outward_m * ERROR_PIXELS / FACTORED_WALLS.min_recess_pixels
+    return -ELEMENT_DEPTHS["window"] * ERROR_PIXELS / FACTORED_WALLS.min_recess_pixels

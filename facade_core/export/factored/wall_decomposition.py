@@ -6,11 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 
 from facade_core.core.arrays import Float32Array, UInt8Array
 from facade_core.core.linear_light import smooth_known_light, srgb_to_linear
 from facade_core.core.types import Element
 from facade_core.export.bodies.mouldings import WallBand, free_wall_mask, most_similar_band, split_wall_into_bands
+from facade_core.export.bodies.settings import ELEMENT_DEPTHS, element_depth
 from facade_core.export.factored.library import (
     FacadeLibrary,
     surrounding_wall_light,
@@ -90,6 +92,14 @@ class WallDecomposition:
         if not free.any():
             free = np.ones_like(free)
         return smooth_known_light(light, free, FACTORED_WALLS.shade_smoothing_m * density)
+
+    def recess_depth(self, place: shapely.Point) -> float:
+        """Return the depth of the opening at a place behind the wall, metres; that of a window where there is none."""
+        density = self.facade.density
+        for e in self.facade.elements:
+            if e.label != "balcony" and e.x0 <= place.x * density <= e.x1 and e.y0 <= place.y * density <= e.y1:
+                return -element_depth(e, e.width / density).outward_m
+        return -ELEMENT_DEPTHS["window"]
 
     def nearest_grain(self, y: float) -> tuple[int, Float32Array, WallBand] | None:
         """Return match, light and band of the grain band nearest to a height; None if there is none."""

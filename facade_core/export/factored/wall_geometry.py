@@ -15,7 +15,7 @@ from facade_core.core.arrays import Float32Array, Float64Array, FloatArray, Int6
 from facade_core.core.linear_light import srgb_to_linear
 from facade_core.export.bodies.mouldings import WallBand
 from facade_core.export.bodies.recess import WallSpace, recess_opening
-from facade_core.export.bodies.settings import ELEMENT_DEPTHS, WALL_OPENINGS
+from facade_core.export.bodies.settings import WALL_OPENINGS
 from facade_core.export.factored.library import mean_light
 from facade_core.export.factored.settings import FACTORED_WALLS, WALL_GRAINS
 from facade_core.export.factored.units import FacadeUnit, Rectangle
@@ -222,8 +222,7 @@ class _WallBuilder:
             ):
                 continue
             pane = shapely.orient_polygons(pane.simplify(WALL_OPENINGS.wall_edge_m / 4), exterior_cw=True)
-            depth = -ELEMENT_DEPTHS["window"].outward_m
-            found = recess_opening(pane, depth, self.space(behind))
+            found = recess_opening(pane, self.decomposition.recess_depth(pane.centroid), self.space(behind))
             if not found.depth:
                 continue
             behind.append(found.triangles())

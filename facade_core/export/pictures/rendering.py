@@ -26,7 +26,7 @@ from facade_core.street.lighting.sky import HORIZON_COLOUR, backdrop_colour
 MAX_BATCH_PIXELS = 1 << 15
 
 # Element of a layout in a record: label, x0, y0, x1, y1 in texels, and confidence.
-ElementRow = tuple[str, float, float, float, float, float]
+ElementRow = tuple[str, float, float, float, float, *tuple[float | str, ...]]
 
 
 @dataclass(frozen=True)
@@ -276,13 +276,13 @@ def draw_layout(image: UInt8Array, hidden: BoolArray, elements: Sequence[Element
     ----------
     image : (h, w, 3) texture; enlarged by a whole number.
     hidden : (h, w) bool, occluders.
-    elements : rows of label, x0, y0, x1, y1 in texels, and confidence.
+    elements : rows of label, x0, y0, x1, y1 in texels, and more.
     """
     import cv2
 
     times = max(1, -(-DRAWINGS.min_layout_height_px // image.shape[0]))
     drawn = np.repeat(np.repeat(image, times, axis=0), times, axis=1)
-    for name, *box, _ in elements:
+    for name, *box in (row[:5] for row in elements):
         x0, y0, x1, y1 = (round(value) for value in box)
         colour = COLOURS[CLASSES.index(name)] if name in CLASSES else np.full(3, 128, np.uint8)
         part = hidden[max(0, y0) : y1, max(0, x0) : x1]

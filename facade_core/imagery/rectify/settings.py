@@ -348,3 +348,62 @@ class PhotoFit:
 
 
 PHOTO_FIT = PhotoFit()
+
+
+@dataclass(frozen=True, slots=True)
+class ElementParallax:
+    """Depth of elements by parallax: chosen on streets 1 to 4 of benchmarks/depths.
+
+    Attributes
+    ----------
+    depths_m : least and largest depth that is tried, metres before the wall.
+    depth_step_m : step between depths, metres.
+    max_other_side_m : depth up to which an opening may stand out and a balcony be set back, metres.
+    min_texels_per_metre : texels that a place must move by metre of depth.
+    max_pairs : pictures with which that of an element is matched at most.
+    max_shift_m : largest shift between two pictures of the wall by their poses, metres.
+    min_registration : least correlation of the wall between two pictures.
+    surroundings_m : width of the wall around an element on which pictures are registered, metres.
+    edge_m : width along the edges of an element that is ignored, as the wall's edges are there, metres.
+    min_known_share : least share of an element, or of its surroundings, that both pictures show.
+    blur_texels : standard deviation of the blur before gradients are taken.
+    limited_gradient : gradient of log brightness per texel that counts half: reflections count no more than bars.
+    parts : horizontal parts of an element that are matched apart.
+    max_size_ratio : elements of one type differ by at most this ratio in width and height.
+    min_members : smaller types are measured with the largest of their class.
+    max_matched : elements of one type that are matched at most.
+    peak_width_m : other depths within this distance of the best belong to its peak, metres.
+    min_peak_share, min_prominence : the outermost peak counts that reaches this share of the largest and rises by so much.
+    min_recess_m : an opening that is less recessed must lead over all other depths.
+    min_correlation, min_margin : least correlation at the depth, and least lead over those farther out,
+    min_margin_errors : and that lead in standard errors.
+    max_error_m : largest standard error of a stored depth, metres.
+    """
+
+    depths_m: tuple[float, float] = (-0.8, 1.5)
+    depth_step_m: float = 0.02
+    max_other_side_m: float = 0.1
+    min_texels_per_metre: float = 4.0
+    max_pairs: int = 3
+    max_shift_m: float = 0.4
+    min_registration: float = 0.2
+    surroundings_m: float = 0.4
+    edge_m: float = 0.05
+    min_known_share: float = 0.15
+    blur_texels: float = 0.7
+    limited_gradient: float = 0.03
+    parts: int = 2
+    max_size_ratio: float = 1.25
+    min_members: int = 3
+    max_matched: int = 8
+    peak_width_m: float = 0.1
+    min_peak_share: float = 0.6
+    min_prominence: float = 0.05
+    min_recess_m: float = 0.06
+    min_correlation: float = 0.2
+    min_margin: float = 0.1
+    min_margin_errors: float = 3.0
+    max_error_m: float = 0.05
+
+
+PARALLAX = ElementParallax()

@@ -22,6 +22,7 @@ from facade_core.imagery.detect.detection import FacesPlatesAndText, detect_on_p
 from facade_core.imagery.rectify.change_detection import ChangeSinceCapture, detect_changes
 from facade_core.imagery.rectify.colour_fringes import remove_colour_fringes
 from facade_core.imagery.rectify.crop import wall_surroundings_mask
+from facade_core.imagery.rectify.element_parallax import grey_where_clear
 from facade_core.imagery.rectify.fusion import ChartView, as_chart_view, fuse_views
 from facade_core.imagery.rectify.model_texture import render_model_texture
 from facade_core.imagery.rectify.panorama import rectify_chart_from_panorama
@@ -153,6 +154,7 @@ def _fuse_panoramas(
         before=before,
         pictures=tuple((one.path, one.pose) for one in (*newest, *earlier)),
         picture=fused.source,
+        grey=tuple(one.grey for one in newest),
     )
 
 
@@ -172,9 +174,10 @@ def _shrink(view: ChartView) -> UInt8Array:
 
 
 class _DatedView(NamedTuple):
-    """A facade in a panorama, with its file, pose and day."""
+    """A facade in a panorama, also finer and in grey (h, w) uint8, 0 where not clear, with its file, pose and day."""
 
     view: ChartView
+    grey: UInt8Array
     path: Path
     pose: Pose
     day: str | None
@@ -217,10 +220,10 @@ def _dated_views(
     found = []
     for path, pose in pictures:
         with collect_input_errors(refused):
-            view = _view_of_panorama(plan, chart, path, pose, size, models)
+            view, grey = _view_of_panorama(plan, chart, path, pose, size, models)
             if path in imagery.exposure_factors:
                 view = replace(view, rgb=apply_exposure_factor(view.rgb, np.array(imagery.exposure_factors[path])))
-            found.append(_DatedView(view, path, pose, imagery.captured.get(path) or capture_date(path)))
+            found.append(_DatedView(view, grey, path, pose, imagery.captured.get(path) or capture_date(path)))
     return found
 
 
@@ -231,15 +234,18 @@ def _latest_day(taken: Sequence[_DatedView]) -> str | None:
 
 def _view_of_panorama(
     plan: Plan, chart: int, path: Path, pose: Pose, size: tuple[int, int], models: TrainedModelFiles
-) -> ChartView:
-    """Return the view of a facade in a panorama, with the occluders that the parser finds, and faces and plates."""
+) -> tuple[ChartView, UInt8Array]:
+    """Return the view of a facade in a panorama, and finer in grey, 0 where not clear.
+
+    The view has the occluders that the parser finds, and faces and plates.
+    """
     image = read_sharp_panorama(path, pose)
     seen = _panorama_detections(path, pose)
     private = seen.private_mask(image.shape[:2]) if seen.has_private_boxes() else None
     extent = np.array(size[::-1]) / _raster_density(plan, chart, size)
     view = rectify_chart_from_panorama(plan.scene, chart, image, pose, size, private, extent)
     if not view.seen.any():
-        return view
+        return view, np.zeros(size, np.uint8)
     finer = min(MAX_FINER, math.sqrt(PARSED_VIEW_TEXELS / (size[0] * size[1])))
     parsed = view
     if finer > 1:
@@ -249,7 +255,8 @@ def _view_of_panorama(
     found = parse(np.dstack([parsed.rgb, alpha]), model=models).occluded & parsed.seen
     occluded_share = resize_image(np.where(found, 255, 0).astype(np.uint8), size)
     in_front, _ = clean_occluder_mask((occluded_share >= 128) & view.seen)
-    return replace(view, occluded=(in_front if view.occluded is None else in_front | view.occluded) & view.seen)
+    view = replace(view, occluded=(in_front if view.occluded is None else in_front | view.occluded) & view.seen)
+    return view, grey_where_clear(replace(parsed, occluded=found))
 
 
 def read_sharp_panorama(path: Path, pose: Pose) -> UInt8Array:

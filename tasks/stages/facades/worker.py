@@ -31,6 +31,7 @@ from tasks.engine.outcome import (
 )
 from tasks.engine.run import Run
 from tasks.engine.unit import Unit, UnitGroup
+from tasks.stages.facades.element_depths import measure_depths
 from tasks.stages.facades.evidence import read_evidence
 from tasks.stages.facades.exemplar_facades import build_wall_from_exemplar
 from tasks.stages.facades.exposure import level_exposures
@@ -172,7 +173,8 @@ def _texture_from_source(
             return None
         raise ImageError(f"{evidence.source}: {error}") from error
     result, confidence = sharpen_from_pictures(plan, chart, result, evidence)
-    return TexturedFacade(kind, _apply_correction(result, inputs), evidence.source, confidence, evidence)
+    result = measure_depths(plan, chart, _apply_correction(result, inputs), evidence)
+    return TexturedFacade(kind, result, evidence.source, confidence, evidence)
 
 
 def _texture_from_exemplar(

@@ -24,8 +24,9 @@ from facade_core.atlas.stored_files import (
 from facade_core.core.arrays import AnyArray, UInt8Array
 from facade_core.core.labels import ELEMENT_PLURALS, FacadeClass
 from facade_core.core.provenance import PROVENANCE, Provenance
-from facade_core.core.types import AS_FOUND
+from facade_core.core.types import AS_FOUND, Element
 from facade_core.core.zarr_types import StoreGroup
+from facade_core.export.bodies.settings import element_depth
 from facade_core.facade.evidence import Evidence
 from facade_core.facade.exemplar import count_columns
 from facade_core.facade.facade import Facade
@@ -194,6 +195,13 @@ def _measure_faults(result: Facade, texels_per_metre: float) -> dict[str, float]
     }
 
 
+def _describe_element(element: Element, texels_per_metre: float) -> list[str | float]:
+    """Return an element's class, box in texels, confidence, depth in metres and what the depth rests on."""
+    box = (round(side, 1) for side in (element.x0, element.y0, element.x1, element.y1))
+    depth = element_depth(element, element.width / texels_per_metre)
+    return [element.label, *box, round(element.confidence, 3), depth.outward_m, depth.source]
+
+
 def _summarize(result: Facade, texels_per_metre: float) -> dict[str, object]:
     """Return the record fields of a facade for the catalogue and the report."""
     pictured = result.provenance == Provenance.PHOTO
@@ -212,10 +220,9 @@ def _summarize(result: Facade, texels_per_metre: float) -> dict[str, object]:
                 continue
             told |= {f"{name}_low": round(low, 4), f"{name}_high": round(high, 4)}
     return {
-        "elements": [
-            [e.label, *(round(v, 1) for v in (e.x0, e.y0, e.x1, e.y1)), round(e.confidence, 3)] for e in result.elements
-        ],
+        "elements": [_describe_element(element, texels_per_metre) for element in result.elements],
         "lattice": {"rows": list(map(int, result.lattice.rows)), "columns": list(map(int, result.lattice.columns))},
+        "depths_measured": sum(element.depth_m is not None for element in result.elements),
         "columns": count_columns(result.elements),
         "shop_width": round(float((result.labels == FacadeClass.SHOP).any(axis=0).mean()), 4),
         **counts,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from facade_core.core.types import Element
 from facade_core.facade.stored_record import StoredFacadeRecord
@@ -16,7 +17,7 @@ def is_finished_facade(record: StoredFacadeRecord | None) -> bool:
 
 def stored_elements(record: StoredFacadeRecord) -> list[Element]:
     """Return the elements of a completed facade, in texels, y down."""
-    return [Element(row[0], *map(float, row[1:6])) for row in record.get("elements", [])]
+    return [Element(*row) for row in record.get("elements", [])]
 
 
 def elements_by_chart(plan: Plan, records: Sequence[StoredFacadeRecord | None]) -> dict[int, list[Element]]:
@@ -32,7 +33,7 @@ def elements_by_chart(plan: Plan, records: Sequence[StoredFacadeRecord | None]) 
         if record is not None and is_finished_facade(record):
             density = float(plan.scene.placement.texels_per_metre[chart])
             found[chart] = [
-                Element(e.label, e.x0 / density, e.y0 / density, e.x1 / density, e.y1 / density, e.confidence)
+                replace(e, x0=e.x0 / density, y0=e.y0 / density, x1=e.x1 / density, y1=e.y1 / density)
                 for e in stored_elements(record)
             ]
     return found

@@ -11,7 +11,7 @@ from facade_core.atlas.journal import latest_chart_digests, read_journal, unit_k
 from facade_core.core.arrays import IntArray
 from facade_core.core.types import Element
 from facade_core.core.zarr_types import StoreGroup
-from facade_core.export.bodies.settings import MAX_ELEMENT_DEPTH_M
+from facade_core.export.bodies.settings import MAX_OUTWARD_M
 from facade_core.export.models.pages import MAX_SHELF_PAGE_TEXELS
 from facade_core.export.tiles.block_tiles import BlockTile, plan_block_tiles
 from facade_core.plan.plan import Plan
@@ -73,7 +73,7 @@ def tile_inputs(
     """
     layouts = [(place, tuple(elements[c])) for place, c in enumerate(tile.charts.tolist()) if elements.get(c)]
     # a balcony needs room before other buildings
-    _, near = plan.scene.charts.pairs_within(tile.charts[[place for place, _ in layouts]], MAX_ELEMENT_DEPTH_M)
+    _, near = plan.scene.charts.pairs_within(tile.charts[[place for place, _ in layouts]], MAX_OUTWARD_M)
     near = near[plan.scene.charts.building[near] >= 0]
     things = np.unique(plan.scene_objects.chart_object[np.concatenate([tile.charts, near])])
     objects = tuple(f"{digest:016x}" for digest in plan.scene_objects.digest[things].tolist())

@@ -25,7 +25,7 @@ def test_a_facade_has_the_common_exposure_where_its_panorama_shares_ground(
     monkeypatch: pytest.MonkeyPatch, factors: dict[Path, tuple[float, ...]], light: object
 ) -> None:
     view = ChartView(np.full((*SIZE, 3), 100, np.uint8), np.ones(SIZE, bool), np.ones(SIZE, np.float32))
-    monkeypatch.setattr(evidence, "_view_of_panorama", lambda *_: view)
+    monkeypatch.setattr(evidence, "_view_of_panorama", lambda *_: (view, view.rgb[..., 0]))
     monkeypatch.setattr(evidence, "capture_date", lambda path: None)
     monkeypatch.setattr(evidence, "_reject_other_planes", lambda plan, chart, newest, earlier, _: (newest, earlier))
     monkeypatch.setattr(evidence, "wall_surroundings_mask", lambda *_, **__: None)

@@ -51,5 +51,5 @@ def test_shops_are_stretches_and_have_a_width() -> None:
     made = _summarize(of_exemplar(), 1 / 0.06)
     shops = [element for element in made["elements"] if element[0] == "shop"]
     assert made["shops"] == len(shops) > 0
-    assert made["shop_width"] == pytest.approx(sum(x1 - x0 for _, x0, _, x1, _, _ in shops) / 334, abs=0.02)
+    assert made["shop_width"] == pytest.approx(sum(x1 - x0 for _, x0, _, x1, *_ in shops) / 334, abs=0.02)
     assert 0 < made["shop_width"] < 1
