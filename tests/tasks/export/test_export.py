@@ -12,8 +12,7 @@ from contextlib import closing
 from dataclasses import replace
 from glob import glob
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import click.testing
 import geopandas as gpd
@@ -181,6 +180,19 @@ def test_another_crs_is_refused(undisturbed: Run) -> None:
         export_run(undisturbed[0], "3dtiles", crs="EPSG:3857")
 
 
+class _OtherAttributes:
+    """A group of a store with other attributes."""
+
+    def __init__(self, group: Any, attributes: dict[str, Any]) -> None:
+        self.group, self.attrs = group, attributes
+
+    def __getitem__(self, path: str) -> Any:
+        return self.group[path]
+
+    def __contains__(self, path: str) -> bool:
+        return path in self.group
+
+
 def test_heights_over_the_ellipsoid_are_the_blocks_and_its_geoid_separation(
     found: PublishedBlock, tmp_path: Path
 ) -> None:
@@ -188,8 +200,8 @@ def test_heights_over_the_ellipsoid_are_the_blocks_and_its_geoid_separation(
     for separation in (None, 17.5):
         folder = tmp_path / str(separation)
         folder.mkdir()
-        stated = SimpleNamespace(attrs=dict(found.group.attrs) | {"geoid_separation": separation})
-        _, notes = write_3dtiles(replace(found, group=stated), found.select_buildings(())[:1], folder)
+        stated = _OtherAttributes(found.group, dict(found.group.attrs) | {"geoid_separation": separation})
+        _, notes = write_3dtiles(replace(found, group=cast(Any, stated)), found.select_buildings(())[:1], folder)
         assert len(notes) == (separation is None)
         tileset = json.loads((folder / "tileset.json").read_text())
         centre = np.array(tileset["root"]["transform"])[12:15]
