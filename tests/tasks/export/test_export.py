@@ -186,6 +186,9 @@ class _OtherAttributes:
     def __init__(self, group: Any, attributes: dict[str, Any]) -> None:
         self.group, self.attrs = group, attributes
 
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.group, name)
+
     def __getitem__(self, path: str) -> Any:
         return self.group[path]
 
