@@ -26,7 +26,7 @@ from catalogs.readers.pictures.cameras.placement import Placement, place_by_cont
 from catalogs.readers.pictures.cameras.upright import upright_camera
 from catalogs.readers.pictures.capture_dates import exif_capture_date
 from catalogs.readers.pictures.decoding import open_picture
-from catalogs.readers.pictures.embedded_poses import embedded_pose, read_exif_gps
+from catalogs.readers.pictures.embedded_poses import read_exif_gps, stated_poses
 from catalogs.readers.pictures.folders import list_images
 from catalogs.readers.pictures.panoramas import (
     PosedPanorama,
@@ -202,7 +202,7 @@ def _choose_camera(file: CameraFile, names: Sequence[str]) -> SourceCamera | str
 def _read_header(path: Path) -> _Header:
     with open_picture(path) as image:
         tags = read_exif_gps(image)
-        pose, _ = embedded_pose({}, tags)
+        place = stated_poses({}, tags)["EXIF"]
         try:
             orientation = int(image.getexif().get(_ORIENTATION_TAG, 1))
         except Exception:  # damaged EXIF means no rotation
@@ -214,7 +214,9 @@ def _read_header(path: Path) -> _Header:
         altitude = -altitude if below else altitude
     except (KeyError, TypeError, ValueError, ArithmeticError):
         altitude = math.nan
-    gps = None if pose is None else (pose.x, pose.y, altitude if abs(altitude) < 1e4 else math.nan)
+    gps = None
+    if place.x is not None and place.y is not None:
+        gps = (place.x, place.y, altitude if abs(altitude) < 1e4 else math.nan)
     return _Header(size, orientation if 1 <= orientation <= 8 else 1, gps, captured)
 
 
