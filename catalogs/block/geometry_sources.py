@@ -14,7 +14,7 @@ from catalogs.buildings.extents import BuildingSource
 from catalogs.crs import is_same_frame, parse_crs
 from catalogs.features import CentrelinesAndGround, Fault, Remark, feature_ids_by_reason, format_reason_notes
 from catalogs.readers.formats import read_buildings, read_centrelines, read_ground_features
-from catalogs.readers.source_keys import UP_AXIS_SUFFIXES, SourceKeys
+from catalogs.readers.source_keys import LAYERED_SUFFIXES, UP_AXIS_SUFFIXES, SourceKeys
 from facade_core.core.errors import BlockFileError, InputError
 
 NamedFiles = Mapping[str, tuple[Path, ...]]
@@ -108,7 +108,10 @@ def _source_keys(
     up = section.up if isinstance(section, BuildingsSection) else None
     if up is not None and not any(path.suffix.lower() in UP_AXIS_SUFFIXES for path in paths):
         raise file.make_error(f"{key}.up", f"is of OBJ and PLY files, which {paths[0].name} is not; remove it")
-    return SourceKeys(section.crs, section.encoding, up)
+    layer = None if isinstance(section, GroundSection) else section.layer
+    if layer is not None and not any(path.suffix.lower() in LAYERED_SUFFIXES for path in paths):
+        raise file.make_error(f"{key}.layer", f"is of files with layers, which {paths[0].name} is not; remove it")
+    return SourceKeys(section.crs, section.encoding, up, layer)
 
 
 def _overruled_frame(path: Path, stated: str | None, section: str, given: str | None) -> tuple[Remark, ...]:

@@ -86,6 +86,8 @@ _ENCODING = Key(
     default="found",
 )
 
+_LAYER = Key("Layer of a vector file that has several.", default="that of solids, else by type and name, with a note")
+
 
 @dataclass(frozen=True, slots=True)
 class MaterialPictureSettings:
@@ -219,6 +221,7 @@ class BuildingsSection(Section):
         ),
     ] = None
     encoding: Annotated[Encoding | None, _ENCODING] = None
+    layer: Annotated[str | None, _LAYER] = None
     offset: Annotated[
         Offset | None,
         Key(
@@ -257,6 +260,7 @@ class StreetsSection(Section):
     ]
     crs: Annotated[str | None, _SOURCE_CRS] = None
     encoding: Annotated[Encoding | None, _ENCODING] = None
+    layer: Annotated[str | None, _LAYER] = None
     names: Annotated[
         Texts | None, Key("Only streets of these names; the ground keeps all ways of the file.", default="all")
     ] = None

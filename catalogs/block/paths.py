@@ -13,6 +13,7 @@ from typing import cast
 from catalogs.block.declared_keys import PathKind, declared_keys, stated_value
 from catalogs.block.keys import BlockFileSettings
 from catalogs.reader_errors import short_message
+from catalogs.readers.referenced_files import find_in_other_form
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import read_regular
 
@@ -86,6 +87,9 @@ def resolve_path(key: str, text: str, file: Path, *, is_folder: bool, file_kind:
         "key: problem; remedy" where the path cannot be used.
     """
     path = file.parent / _expand_user(key, _expand_variables(key, text))
+    slashed = file.parent / _expand_user(key, _expand_variables(key, text.replace("\\", "/")))
+    found = (find_in_other_form(one, fold_case=False) for one in (path, slashed))
+    path = next((one for one in found if one is not None), path)
     try:
         kind = path.stat().st_mode
     except (FileNotFoundError, NotADirectoryError):

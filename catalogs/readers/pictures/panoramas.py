@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from catalogs.crs import LONLAT
 from catalogs.features import Fault, Remark
 from catalogs.file_digest import file_digest
-from catalogs.printable_text import format_unit_reason
+from catalogs.printable_text import format_unit_reason, normal_form
 from catalogs.reader_errors import fault_reason, to_single_line
 from catalogs.readers.pictures.embedded_poses import read_panorama_metadata
 from catalogs.readers.pictures.folders import list_images
@@ -170,7 +170,7 @@ class _PanoramaReader:
         self._check_twin(path)
         reasons = [*(reason for _, reason in source.remarks), *_mixed_source_reasons(origins, has_file=bool(stated))]
         self.remarks += [Remark(path.stem, reason, None) for reason in reasons]
-        self.items.append(PosedPanorama(path.stem, path, pose, source.captured or taken))
+        self.items.append(PosedPanorama(normal_form(path.stem), path, pose, source.captured or taken))
 
     def _check_twin(self, path: Path) -> None:
         alike = self._same_size.setdefault(path.stat().st_size, [])
@@ -180,10 +180,12 @@ class _PanoramaReader:
 
 
 def _match_letter_case(poses: Mapping[str, SourcePose | str], paths: Sequence[Path]) -> dict[str, SourcePose | str]:
-    """Return the poses under the names of the pictures, where these differ by the case of letters only."""
+    """Return the poses under the names of the pictures, where these differ by letter case or normal form only."""
     names = {name for path in paths for name in (path.name, path.stem)}
-    folded = {name.casefold(): name for name in sorted(names)}
-    renamed = {folded.get(name.casefold(), name): pose for name, pose in poses.items() if name not in names}
+    folded = {normal_form(name.casefold()): name for name in sorted(names)}
+    renamed = {
+        folded.get(normal_form(name.casefold()), name): pose for name, pose in poses.items() if name not in names
+    }
     return renamed | {name: pose for name, pose in poses.items() if name in names}
 
 

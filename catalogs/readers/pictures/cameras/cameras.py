@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import takewhile
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,6 +14,7 @@ from pyproj import CRS, Transformer
 
 from catalogs.crs import EARTH_RADIUS_M, LONLAT, has_east_north_axes, parse_crs
 from catalogs.features import Fault, Remark
+from catalogs.printable_text import normal_form
 from catalogs.reader_errors import to_single_line, wrap_reader_errors
 from catalogs.readers.json_text import parse_json
 from catalogs.readers.pictures.camera_angles import camera_angles
@@ -36,6 +38,7 @@ from catalogs.readers.pictures.panoramas import (
     outdated_remarks,
     panorama_fault,
 )
+from catalogs.readers.pictures.picture_kinds import is_picture_name
 from catalogs.readers.pictures.source_poses import degrees_from_dms
 from catalogs.readers.settings import CAMERAS
 from facade_core.core.arrays import Float64Array
@@ -92,7 +95,7 @@ def read_cameras(
     InputError
         Where no picture has a camera, the file is none, or it cannot be placed.
     """
-    paths, unreadable = list_images(folder, "panorama")
+    paths, unreadable = list_images(folder, "panorama", with_subfolders=True)
     file = _read_camera_file(poses, _check_crs(crs))
     faults = list(unreadable)
     matched, unmatched = _match(file, paths, faults)
@@ -118,12 +121,13 @@ def read_cameras(
         remarks.append(Remark(file.name, note, None))
     posed = {path: _block_pose(camera, to_block, headers[path].size) for path, camera in cameras.items()}
     _check_upright(file.name, np.array([rotation for _, rotation in posed.values()]))
+    names = {path: normal_form("-".join(path.relative_to(folder).with_suffix("").parts)) for path in posed}
     items = []
     for path, (pose, _) in posed.items():
         if is_distant(pose, bounds):
-            remarks.append(Remark(path.stem, "cameras of another place skipped", None))
+            remarks.append(Remark(names[path], "cameras of another place skipped", None))
         else:
-            items.append(PosedPanorama(path.stem, path, pose, headers[path].captured))
+            items.append(PosedPanorama(names[path], path, pose, headers[path].captured))
     if not items and bounds:
         away = min(distance_outside(pose, bounds) for pose, _ in posed.values()) / 1000
         raise InputError(
@@ -162,31 +166,46 @@ def _reconstruction_parts(value: JsonValue) -> list[JsonObject]:
 
 
 def _match(file: CameraFile, paths: Sequence[Path], faults: list[Fault]) -> tuple[dict[Path, SourceCamera], list[str]]:
-    """Match pictures to cameras by name, or by name without suffix; returns also the cameras without a picture."""
-    by_name: dict[str, list[str]] = {}
-    for name in file.cameras:
-        by_name.setdefault(picture_name(name), []).append(name)
+    """Match pictures to cameras by the end of their paths, with or without suffix; returns also cameras without one."""
     by_stem: dict[str, list[str]] = {}
-    for name, stated in by_name.items():
-        by_stem.setdefault(Path(name).stem, []).extend(stated)
+    for name in file.cameras:
+        by_stem.setdefault(_path_parts(name)[-1], []).append(name)
+    chosen = {path: _closest_names(path, by_stem.get(_path_parts(str(path))[-1], ())) for path in paths}
     matched: dict[Path, SourceCamera] = {}
-    used: set[str] = set()
-    stems: dict[str, Path] = {}
-    for path in paths:
-        first = stems.setdefault(path.stem, path)
-        if first != path:
-            faults.append(
-                Fault(path.name, "panorama", f"{path.name} and {first.name} have one name; rename or remove one")
-            )
-            continue
-        found = by_name.get(path.name) or by_stem.get(path.stem) or []
-        used.update(found)
-        camera = _choose_camera(file, found)
+    pictures: dict[str, list[Path]] = {}
+    for path, names in chosen.items():
+        for name in names:
+            pictures.setdefault(name, []).append(path)
+    for path, names in chosen.items():
+        twin = next((other for name in names for other in pictures[name] if other != path), None)
+        if twin is not None:
+            camera: SourceCamera | str = f"{path.name} and {twin.name} have one name; rename or remove one"
+        else:
+            camera = _choose_camera(file, names)
         if isinstance(camera, str):
             faults.append(Fault(path.name, "panorama", camera))
         else:
             matched[path] = camera
-    return matched, [to_single_line(name[:80]) for name in file.cameras if name not in used]
+    return matched, [to_single_line(name[:80]) for name in file.cameras if name not in pictures]
+
+
+def _closest_names(path: Path, names: Sequence[str]) -> list[str]:
+    """Return the names of cameras that share most folders with the path of a picture, and its suffix if one does."""
+    parts = _path_parts(str(path))
+
+    def closeness(name: str) -> tuple[int, bool]:
+        own = _path_parts(name)
+        shared = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(own[::-1], parts[::-1], strict=False)))
+        return shared, picture_name(name) == path.name
+
+    best = max(map(closeness, names), default=None)
+    return [name for name in names if closeness(name) == best]
+
+
+def _path_parts(text: str) -> tuple[str, ...]:
+    """Return folders and name of a path of any machine, the name without suffix of a picture."""
+    *folders, name = normal_form(text).replace("\\", "/").split("/")
+    return (*folders, Path(name).stem if is_picture_name(name) else name)
 
 
 def _choose_camera(file: CameraFile, names: Sequence[str]) -> SourceCamera | str:
