@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import takewhile
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from pyproj import CRS, Transformer
@@ -47,6 +48,7 @@ from facade_core.core.json_types import JsonObject, JsonValue
 from facade_core.core.regular_files import read_regular
 from facade_core.core.types import Pose
 
+T = TypeVar("T")
 _ORIENTATION_TAG = 0x0112
 _NO_CAMERA = "has no camera in"
 _FORMATS = (
@@ -170,36 +172,36 @@ def _match(file: CameraFile, paths: Sequence[Path], faults: list[Fault]) -> tupl
     by_stem: dict[str, list[str]] = {}
     for name in file.cameras:
         by_stem.setdefault(_path_parts(name)[-1], []).append(name)
-    chosen = {path: _closest_names(path, by_stem.get(_path_parts(str(path))[-1], ())) for path in paths}
+    names = {path: by_stem.get(_path_parts(str(path))[-1], []) for path in paths}
+    owners: dict[str, list[Path]] = {}
+    for path, found in names.items():
+        for name in found:
+            owners.setdefault(name, []).append(path)
+    closest = {name: _most_alike(owners[name], partial(_likeness, name=name)) for name in owners}
     matched: dict[Path, SourceCamera] = {}
-    pictures: dict[str, list[Path]] = {}
-    for path, names in chosen.items():
-        for name in names:
-            pictures.setdefault(name, []).append(path)
-    for path, names in chosen.items():
-        twin = next((other for name in names for other in pictures[name] if other != path), None)
+    for path, found in names.items():
+        own = [name for name in _most_alike(found, partial(_likeness, path)) if path in closest[name]]
+        twin = next((other for name in own for other in closest[name] if other != path), None)
+        camera: SourceCamera | str = _choose_camera(file, own)
         if twin is not None:
-            camera: SourceCamera | str = f"{path.name} and {twin.name} have one name; rename or remove one"
-        else:
-            camera = _choose_camera(file, names)
+            camera = f"{path.name} and {twin.name} have one name; rename or remove one"
         if isinstance(camera, str):
             faults.append(Fault(path.name, "panorama", camera))
         else:
             matched[path] = camera
-    return matched, [to_single_line(name[:80]) for name in file.cameras if name not in pictures]
+    return matched, [to_single_line(name[:80]) for name in file.cameras if name not in owners]
 
 
-def _closest_names(path: Path, names: Sequence[str]) -> list[str]:
-    """Return the names of cameras that share most folders with the path of a picture, and its suffix if one does."""
-    parts = _path_parts(str(path))
+def _most_alike(candidates: Sequence[T], likeness: Callable[[T], tuple[int, bool]]) -> list[T]:
+    best = max(map(likeness, candidates), default=None)
+    return [one for one in candidates if likeness(one) == best]
 
-    def closeness(name: str) -> tuple[int, bool]:
-        own = _path_parts(name)
-        shared = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(own[::-1], parts[::-1], strict=False)))
-        return shared, picture_name(name) == path.name
 
-    best = max(map(closeness, names), default=None)
-    return [name for name in names if closeness(name) == best]
+def _likeness(path: Path, name: str) -> tuple[int, bool]:
+    """Return how many folders and names at the end a picture and a camera share, and whether their suffixes are equal."""
+    pairs = zip(_path_parts(str(path))[::-1], _path_parts(name)[::-1], strict=False)
+    shared = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
+    return shared, picture_name(normal_form(name)) == normal_form(path.name)
 
 
 def _path_parts(text: str) -> tuple[str, ...]:

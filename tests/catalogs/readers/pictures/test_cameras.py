@@ -254,6 +254,9 @@ def test_pictures_without_poses_and_the_reverse(tmp_path: Path, pictures: Path) 
         read(pictures, table(tmp_path / "poses.csv", {"other.jpg": POSES["2.jpg"]}, **CALIBRATION))
 
 
+RIG = (("left", "0.jpg"), ("left", "1.jpg"), ("right", "0.jpg"), ("right", "1.jpg"))
+
+
 def test_equal_names_of_two_folders_are_told(tmp_path: Path, pictures: Path) -> None:
     poses = {"left/1.jpg": POSES["1.jpg"], "right/1.jpg": POSES["2.jpg"], "left/3.jpg": POSES["3.jpg"]}
     found = read(pictures, write_colmap(tmp_path / "model", poses, SAME))
@@ -408,3 +411,41 @@ def test_local_frames_come_from_the_same_cameras() -> None:
     np.testing.assert_allclose(
         rotation @ (local - centre), scale * camera_from_world(pose) @ (point - camera_position(pose))
     )
+
+
+def test_a_rig_has_a_camera_for_each_picture_of_a_name(tmp_path: Path) -> None:
+    poses = {f"{side}/{name}": POSES[f"{number}.jpg"] for number, (side, name) in enumerate(RIG)}
+    folder = tmp_path / "images"
+    for side, name in RIG:
+        (folder / side).mkdir(parents=True, exist_ok=True)
+        write_pictures(folder / side, [name])
+    (folder / "@eaDir").mkdir()
+    write_pictures(folder / "@eaDir", ["0.jpg"])
+    found = read(folder, write_colmap(tmp_path / "model", poses, SAME))
+    assert not found.faults
+    places = {one.id: (one.pose.x, one.pose.y) for one in found.items}
+    assert places == {
+        f"{side}-{Path(name).stem}": pytest.approx((POSES[f"{number}.jpg"].x, POSES[f"{number}.jpg"].y))
+        for number, (side, name) in enumerate(RIG)
+    }
+
+
+def test_a_folder_of_a_rig_has_its_own_cameras(tmp_path: Path) -> None:
+    poses = {f"{side}/{name}": POSES[f"{number}.jpg"] for number, (side, name) in enumerate(RIG)}
+    folder = tmp_path / "images/right"
+    folder.mkdir(parents=True)
+    write_pictures(folder, ["0.jpg", "1.jpg"])
+    found = read(folder, write_colmap(tmp_path / "model", poses, SAME))
+    assert [one.pose.x for one in found.items] == pytest.approx([POSES["2.jpg"].x, POSES["3.jpg"].x])
+
+
+def test_two_pictures_of_one_camera_are_named(tmp_path: Path) -> None:
+    folder = tmp_path / "images"
+    for side, name in RIG:
+        (folder / side).mkdir(parents=True, exist_ok=True)
+        write_pictures(folder / side, [name])
+    found = read(
+        folder, write_colmap(tmp_path / "model", {"0.jpg": POSES["0.jpg"], "left/1.jpg": POSES["1.jpg"]}, SAME)
+    )
+    assert [one.id for one in found.items] == ["left-1"]
+    assert len(found.faults) == 3
