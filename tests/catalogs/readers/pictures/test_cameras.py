@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from catalogs.readers.pictures.cameras.camera_file import rotation_from_heading, rotation_from_omega_phi_kappa
 from catalogs.readers.pictures.cameras.cameras import read_cameras
 from catalogs.readers.pictures.cameras.colmap import read_colmap
+from catalogs.readers.pictures.cameras.metashape import read_metashape
 from catalogs.readers.pictures.panoramas import PosedPanoramas
 from facade_core.core.errors import InputError
 from facade_core.core.lens_projection import project_camera_rays
@@ -160,6 +161,29 @@ def test_metashape(tmp_path: Path, pictures: Path) -> None:
     found = read(pictures, write_metashape(tmp_path / "cameras.xml", POSES))
     check(found)
     assert [one.id for one in found.remarks if "did not align" in one.reason] == ["lost"]
+
+
+@pytest.mark.parametrize("label", ["s1", "0"])
+def test_metashape_places_the_cameras_of_a_rig(tmp_path: Path, pictures: Path, label: str) -> None:
+    """Slaves have the transform of their master times rotation and location of their sensor."""
+    path = write_metashape(tmp_path / "cameras.xml", {"0.jpg": POSES["0.jpg"]})
+    text = path.read_text()
+    sensor = text[text.index("<sensor ") : text.index("</sensors>")]
+    turned = Rotation.from_euler("y", 90, degrees=True).as_matrix().ravel()
+    beside = f"<rotation>{' '.join(map(repr, turned.tolist()))}</rotation><location>0.4 0 0</location></sensor>"
+    second = sensor.replace('id="0"', 'id="1" master_id="0" label="right"').replace("</sensor>", beside)
+    first = sensor.replace('id="0"', 'id="0" label="left"')
+    slave = f'<camera id="1" sensor_id="1" master_id="0" label="{label}"/></cameras>'
+    path.write_text(text.replace(sensor, first + second).replace("</cameras>", slave))
+    cameras = read_metashape(path.name, path.read_bytes()).cameras
+    names = ["left/0", "right/0"] if label == "0" else ["0", "s1"]
+    assert list(cameras) == names
+    one, other = (cameras[name] for name in names)
+    assert not isinstance(one, str)
+    assert not isinstance(other, str)
+    offset = one.rotation @ (other.centre - one.centre)
+    assert offset == pytest.approx([2.5 * 0.4, 0, 0], abs=1e-6)  # the chunk's scale is 2.5
+    assert one.rotation @ other.rotation.T == pytest.approx(turned.reshape(3, 3), abs=1e-9)
 
 
 def test_components_of_metashape_2(tmp_path: Path, pictures: Path) -> None:
