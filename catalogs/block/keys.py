@@ -323,8 +323,8 @@ class PanoramasSection(Section):
     poses: Annotated[
         Text | None,
         Key(
-            "Positions and headings in one of the [formats](../../catalogs/README.md#formats); else GPano XMP and EXIF of the "
-            "pictures.",
+            "Positions and headings in one of the [formats](../../catalogs/README.md#formats); fields that it leaves "
+            "open are those of the pictures: GPano XMP, its sidecar, EXIF.",
             default="from the pictures",
             path=PathKind.FILE,
         ),

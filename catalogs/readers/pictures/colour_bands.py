@@ -57,8 +57,8 @@ def find_colour_bands(raster: DatasetReader, name: str) -> ColourBands:
     alpha = 1 + meanings.index("alpha") if "alpha" in meanings else None
     if set(_COLOURS) <= set(meanings):
         return ColourBands(tuple(1 + meanings.index(colour) for colour in _COLOURS), alpha)
-    if is_described and raster.count > 1:
-        bands = ", ".join(text or f"band {i}" for i, text in enumerate(raster.descriptions, 1))
+    if raster.count > 1 and not {*_COLOURS, "infrared"}.isdisjoint(meanings):
+        bands = ", ".join(text or how for text, how in zip(raster.descriptions, interpreted, strict=True))
         raise InputError(
             f"{name} has the bands {bands}, and not each of red, green and blue; give a picture in natural colours"
         )

@@ -77,6 +77,12 @@ def test_colour_infrared_without_blue_is_refused_with_its_bands(tmp_path: Path) 
         open_orthophoto(path, None, FRAME, PLACE)
 
 
+def test_colour_infrared_by_interpretation_is_refused(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.tif", ["nir", "red", "green"], ["undefined", "red", "green"])
+    with pytest.raises(InputError, match="has the bands undefined, red, green, and not each of red, green and blue"):
+        open_orthophoto(path, None, FRAME, PLACE)
+
+
 def test_unstated_bands_are_noted(tmp_path: Path) -> None:
     path = write(tmp_path / "a.tif", ["red", "green", "blue", "nir"], None, photometric="MINISBLACK")
     [note] = note_assumed_bands(path)

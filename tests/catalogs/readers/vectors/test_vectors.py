@@ -394,7 +394,7 @@ def test_helsinki_as_geopackage_and_as_pbf(data: Path) -> None:
     # the package has no links between carriageways and no column that tells tunnels
     assert len(ids[1] - ids[0]) == 9
     assert len(ids[0] - ids[1]) == 21
-    assert len(ids[0] & ids[1]) == 731
+    assert len(ids[0] & ids[1]) == 715
 
 
 def test_opendrive_outside_junctions(data: Path) -> None:
