@@ -65,17 +65,21 @@ def find_in_other_form(path: Path, *, fold_case: bool) -> Path | None:
     path : path as written.
     fold_case : whether letter case may differ too.
     """
-    try:
-        if os.path.exists(path) or path.parent == path:
-            return path
-        folder = find_in_other_form(path.parent, fold_case=fold_case)
-        if folder is None:
-            return None
-        names = _names_by_form(str(folder), os.stat(folder).st_mtime_ns, fold_case)
-    except (OSError, ValueError):
-        return None
-    name = names.get(_comparable_name(path.name, fold_case))
-    return None if name is None else folder / name
+    if os.path.exists(path):
+        return path
+    found = Path(path.anchor)
+    for part in path.parts[1 if path.anchor else 0 :]:
+        named = found / part
+        if not os.path.exists(named):
+            try:
+                names = _names_by_form(str(found), os.stat(found).st_mtime_ns, fold_case)
+            except (OSError, ValueError):
+                return None
+            if (name := names.get(_comparable_name(part, fold_case))) is None:
+                return None
+            named = found / name
+        found = named
+    return found
 
 
 @lru_cache(maxsize=16)
