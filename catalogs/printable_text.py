@@ -13,6 +13,11 @@ _INVISIBLE_CATEGORIES = {"Cc", "Cf", "Cs", "Zl", "Zp"}
 _JOINERS = "\u200c\u200d"
 
 
+def normal_form(text: str) -> str:
+    """Return a text in NFC, the form in which names and ids are compared: macOS writes file names decomposed."""
+    return unicodedata.normalize("NFC", text)
+
+
 def escape_invisible(text: str) -> str:
     r"""Return a text with Python escapes for invisible characters, such as \x1b, \n and \u202e."""
     if text.isprintable():

@@ -1,6 +1,7 @@
 """Entry point of the command line, which handles interrupts while the heavy imports are under way."""
 
 import atexit
+import logging
 import os
 import sys
 from contextlib import suppress
@@ -11,6 +12,7 @@ from flows.cli.interrupts import REPEAT_MESSAGE, exit_on_signal
 def main() -> None:
     """Run the command line and exit the process with its code."""
     exit_on_signal(REPEAT_MESSAGE)
+    _keep_library_warnings_off_terminal()
     from flows.server.proxies import exempt_loopback_from_proxies
 
     exempt_loopback_from_proxies()
@@ -28,6 +30,16 @@ def main() -> None:
         with suppress(OSError, ValueError):
             stream.flush()
     os._exit(code)
+
+
+def _keep_library_warnings_off_terminal() -> None:
+    """Keep warnings of libraries, also in worker processes, off the terminal: notes and faults name what they mean."""
+    os.environ.setdefault("PYTHONWARNINGS", "ignore")
+    logging.captureWarnings(capture=True)
+    for name in ("py.warnings", "rasterio", "pyogrio"):
+        logger = logging.getLogger(name)
+        logger.addHandler(logging.NullHandler())
+        logger.propagate = False
 
 
 if __name__ == "__main__":

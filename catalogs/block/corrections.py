@@ -18,7 +18,7 @@ from typing import Any, Literal, TypeAlias, overload
 
 from catalogs.block.correction_values import Box, ElementBox, parse_correction_value, parse_location, parse_width
 from catalogs.block.yaml_files import read_yaml
-from catalogs.printable_text import short_repr
+from catalogs.printable_text import normal_form, short_repr
 from catalogs.reader_errors import short_message
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
@@ -180,7 +180,7 @@ def read_corrections(block: Path) -> Corrections:
 @lru_cache(maxsize=4)
 def _read_corrections_file(path: Path, state: tuple[int, int, int]) -> Corrections:
     """Read a corrections file, once for each state of it: a run reads it for the block and for its city."""
-    text = read_regular(path).decode("utf-8-sig")  # editors of Windows add a byte order mark
+    text = normal_form(read_regular(path).decode("utf-8-sig"))  # editors of Windows add a byte order mark
     newest: dict[str, dict[str, Correction]] = {}
     for number, line in enumerate(text.split("\n"), start=1):  # splitlines would split at other separators too
         if not line.strip():

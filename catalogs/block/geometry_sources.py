@@ -12,10 +12,10 @@ from catalogs.block.keys import BlockFileSettings, BuildingsSection, GroundSecti
 from catalogs.buildings.axis_mistakes import looks_like_degrees
 from catalogs.buildings.extents import BuildingSource
 from catalogs.crs import is_same_frame, parse_crs
-from catalogs.features import CentrelinesAndGround, Fault, Remark
+from catalogs.features import CentrelinesAndGround, Fault, Remark, feature_ids_by_reason, format_reason_notes
 from catalogs.readers.formats import read_buildings, read_centrelines, read_ground_features
-from catalogs.readers.source_keys import UP_AXIS_SUFFIXES, SourceKeys
-from facade_core.core.errors import InputError
+from catalogs.readers.source_keys import LAYERED_SUFFIXES, UP_AXIS_SUFFIXES, SourceKeys
+from facade_core.core.errors import BlockFileError, InputError
 
 NamedFiles = Mapping[str, tuple[Path, ...]]
 _UNSTATED_FRAME_REASON = (
@@ -46,7 +46,7 @@ def read_building_sources(
         sources.append(source.translate(keys.buildings.offset) if keys.buildings.offset else source)
     if not any(source.items or source.faults for source in sources):
         names = ", ".join(map(str, files["buildings.path"]))
-        raise file.make_error("buildings.path", f"{names} holds no buildings; give a file that does")
+        raise _nothing_held_error("buildings", names, [remark for source in sources for remark in source.remarks], file)
     return sources
 
 
@@ -62,7 +62,7 @@ def read_named_centrelines(
     source = replace(source, crs=crs, faults=faults, remarks=remarks)
     file.call_reader("streets.crs", parse_crs, source.crs)
     if not source.items and not source.faults:
-        raise file.make_error("streets.path", f"{files['streets.path'][0]} holds no streets; give a file that does")
+        raise _nothing_held_error("streets", str(path), source.remarks, file)
     return _select_named_streets(source, keys.streets.names, file) if keys.streets.names else source
 
 
@@ -87,6 +87,13 @@ def read_ground_sources(
     return placed
 
 
+def _nothing_held_error(key: str, names: str, remarks: Sequence[Remark], file: BlockFileErrorContext) -> BlockFileError:
+    """Return the error for files without a building or street, with what was left out of them."""
+    notes = format_reason_notes(feature_ids_by_reason(remarks))
+    reason = f" ({notes[0]})" if notes else ""
+    return file.make_error(f"{key}.path", f"{names} holds no {key}{reason}; give a file that does")
+
+
 def _source_keys(
     key: str, section: BuildingsSection | StreetsSection | GroundSection, files: NamedFiles, file: BlockFileErrorContext
 ) -> SourceKeys:
@@ -101,7 +108,10 @@ def _source_keys(
     up = section.up if isinstance(section, BuildingsSection) else None
     if up is not None and not any(path.suffix.lower() in UP_AXIS_SUFFIXES for path in paths):
         raise file.make_error(f"{key}.up", f"is of OBJ and PLY files, which {paths[0].name} is not; remove it")
-    return SourceKeys(section.crs, section.encoding, up)
+    layer = None if isinstance(section, GroundSection) else section.layer
+    if layer is not None and not any(path.suffix.lower() in LAYERED_SUFFIXES for path in paths):
+        raise file.make_error(f"{key}.layer", f"is of files with layers, which {paths[0].name} is not; remove it")
+    return SourceKeys(section.crs, section.encoding, up, layer)
 
 
 def _overruled_frame(path: Path, stated: str | None, section: str, given: str | None) -> tuple[Remark, ...]:

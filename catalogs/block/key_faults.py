@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 from pydantic import ValidationError
 
-from catalogs.block.declared_keys import DeclaredKey, Section, declared_keys
+from catalogs.block.declared_keys import DeclaredKey, PathKind, Section, declared_keys
 from catalogs.block.keys import BlockFileSettings
+from catalogs.block.paths import list_remedy
 from catalogs.block.yaml_files import find_key_line, read_yaml
 from catalogs.printable_text import short_repr
 
@@ -88,9 +89,18 @@ def _format_fault(fault: ErrorDetails, known: DeclaredKeys) -> str:
     problem, shown = fault["msg"].removeprefix("Value error, "), short_repr(value)
     if kind == "value_error" or declared is None:
         return f"{key}: {problem}, got {shown}"
+    if declared.key.path is PathKind.FILE and (paths := _listed_paths(value)):
+        return f"{key}: {shown} is a list where one file is read; {list_remedy(paths)}"
     if "[" in key or isinstance(value, list):
         return f"{key}: {shown}: {problem}; write a {declared.value_type}"
     return f"{key}: {shown} is not {_with_article(declared.value_type)}{_quotes_remedy(value, declared)}"
+
+
+def _listed_paths(value: object) -> list[str]:
+    """Return the paths of a list that holds nothing else, cut to what a message can show."""
+    if not isinstance(value, list) or not all(isinstance(one, str) for one in value):
+        return []
+    return [one[-_MAX_KEY_LENGTH:] for one in value]
 
 
 def _with_article(value_type: str) -> str:

@@ -86,6 +86,8 @@ _ENCODING = Key(
     default="found",
 )
 
+_LAYER = Key("Layer of a vector file that has several.", default="that of solids, else by type and name, with a note")
+
 
 @dataclass(frozen=True, slots=True)
 class MaterialPictureSettings:
@@ -226,6 +228,7 @@ class BuildingsSection(Section):
         ),
     ] = None
     encoding: Annotated[Encoding | None, _ENCODING] = None
+    layer: Annotated[str | None, _LAYER] = None
     offset: Annotated[
         Offset | None,
         Key(
@@ -264,6 +267,7 @@ class StreetsSection(Section):
     ]
     crs: Annotated[str | None, _SOURCE_CRS] = None
     encoding: Annotated[Encoding | None, _ENCODING] = None
+    layer: Annotated[str | None, _LAYER] = None
     names: Annotated[
         Texts | None, Key("Only streets of these names; the ground keeps all ways of the file.", default="all")
     ] = None
@@ -326,8 +330,8 @@ class PanoramasSection(Section):
     poses: Annotated[
         Text | None,
         Key(
-            "Positions and headings in one of the [formats](../../catalogs/README.md#formats); else GPano XMP and EXIF of the "
-            "pictures.",
+            "Positions and headings in one of the [formats](../../catalogs/README.md#formats); fields that it leaves "
+            "open are those of the pictures: GPano XMP, its sidecar, EXIF.",
             default="from the pictures",
             path=PathKind.FILE,
         ),

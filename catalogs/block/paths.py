@@ -6,6 +6,7 @@ import difflib
 import os
 import re
 import stat
+from collections.abc import Sequence
 from itertools import islice
 from pathlib import Path
 from typing import cast
@@ -13,6 +14,8 @@ from typing import cast
 from catalogs.block.declared_keys import PathKind, declared_keys, stated_value
 from catalogs.block.keys import BlockFileSettings
 from catalogs.reader_errors import short_message
+from catalogs.readers.pictures.picture_kinds import is_system_file
+from catalogs.readers.referenced_files import find_in_other_form
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import read_regular
 
@@ -20,6 +23,9 @@ from facade_core.core.regular_files import read_regular
 _VARIABLE = re.compile(r"\$\{(\w+)\}")
 # Characters of a variable's value: shorter ones occur in any path.
 _MIN_HIDDEN_LENGTH = 4
+_RASTER_SUFFIXES = (".tif", ".tiff", ".asc", ".img", ".jp2", ".hgt", ".png", ".jpg", ".vrt")
+_VECTOR_SUFFIXES = (".gpkg", ".shp", ".geojson", ".gml", ".json", ".fgb", ".parquet", ".pbf")
+_MAX_LISTED = 4  # files that a message names
 # Similarity of names, of at most 1, from which one is suggested for the other.
 _MIN_SIMILARITY = 0.6
 
@@ -86,6 +92,9 @@ def resolve_path(key: str, text: str, file: Path, *, is_folder: bool, file_kind:
         "key: problem; remedy" where the path cannot be used.
     """
     path = file.parent / _expand_user(key, _expand_variables(key, text))
+    slashed = file.parent / _expand_user(key, _expand_variables(key, text.replace("\\", "/")))
+    found = (find_in_other_form(one, fold_case=False) for one in (path, slashed))
+    path = next((one for one in found if one is not None), path)
     try:
         kind = path.stat().st_mode
     except (FileNotFoundError, NotADirectoryError):
@@ -102,9 +111,33 @@ def resolve_path(key: str, text: str, file: Path, *, is_folder: bool, file_kind:
     except ValueError as error:  # a name that the file system cannot hold
         raise ValueError(f"{key}: {ascii(text)[:60]} is no path ({short_message(error)}); name another one") from error
     if not is_folder and not stat.S_ISREG(kind):
-        what = "is a folder; name a file in it" if stat.S_ISDIR(kind) else "is no file but a device; name a file"
+        what = f"is a folder; {_folder_remedy(path)}" if stat.S_ISDIR(kind) else "is no file but a device; name a file"
         raise ValueError(f"{key}: {path} {what}")
     return path
+
+
+def _folder_remedy(folder: Path) -> str:
+    """Return what to name in place of a folder, by the files in it."""
+    if folder.suffix.lower() == ".gdb":
+        return f"it is a file geodatabase: convert it with ogr2ogr OUT.gpkg {folder.name}"
+    try:
+        inside = [path for path in islice(folder.iterdir(), 1000) if not is_system_file(path.name)]
+    except OSError:
+        return "name a file in it"
+    files = sorted(f"{folder.name}/{path.name}" for path in inside if path.is_file())
+    rasters = [name for name in files if Path(name).suffix.lower() in _RASTER_SUFFIXES]
+    if len(rasters) > 1:
+        return list_remedy([f"{folder.name}/*{Path(rasters[0]).suffix}"])
+    named = [*rasters, *(name for name in files if Path(name).suffix.lower() in _VECTOR_SUFFIXES)]
+    return f"name a file in it, such as {named[0]}" if named else "name a file in it"
+
+
+def list_remedy(paths: Sequence[str]) -> str:
+    """Return how to make one file of a list of them."""
+    names = " ".join(paths[:_MAX_LISTED]) + (" ..." if len(paths) > _MAX_LISTED else "")
+    if any(Path(path).suffix.lower() in _RASTER_SUFFIXES for path in paths):
+        return f"make one of them with gdalwarp {names} joined.tif (or gdalbuildvrt, for a terrain), and name it"
+    return f"make one of them with ogrmerge.py -single -o joined.gpkg {names}, and name it"
 
 
 def shorten_path(path: Path, limit: int = 240) -> str:

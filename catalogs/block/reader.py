@@ -185,7 +185,7 @@ def build_block(keys: BlockFileSettings, file: BlockFileErrorContext) -> Block:
         + cut
         + far
         + _flat_terrain_notes(built.items, terrain)
-        + _unit_notes(files, file)
+        + _raster_notes(files, file)
         + (() if terrain is None else note_terrain_doubts(terrain, built.items, files["terrain.path"][0].name))
         + geoid_notes,
         faults=(*geometry.faults, *pictures.faults, *broken_panoramas),
@@ -297,12 +297,16 @@ def _flat_terrain_notes(buildings: Iterable[Building], terrain: ElevationRaster 
     return ("no source states the height of the ground, so it is flat; for a slope give terrain: {path: ...}",)
 
 
-def _unit_notes(files: NamedFiles, file: BlockFileErrorContext) -> tuple[str, ...]:
+def _raster_notes(files: NamedFiles, file: BlockFileErrorContext) -> tuple[str, ...]:
     """Return notes on rasters of heights whose unit is assumed."""
+    from catalogs.readers.pictures.aerial import note_assumed_bands
     from catalogs.readers.pictures.elevation import note_assumed_unit
 
     keys = [key for key in ("terrain.path", "buildings.heights.path") if key in files]
-    return tuple(note for key in keys for note in file.call_reader(key, note_assumed_unit, files[key][0]))
+    notes = [note for key in keys for note in file.call_reader(key, note_assumed_unit, files[key][0])]
+    for photo in files.get("imagery.aerial.path", ()):
+        notes += file.call_reader("imagery.aerial.path", note_assumed_bands, photo)
+    return tuple(notes)
 
 
 def _read_terrain(files: NamedFiles, frame: CRS, extent: Bounds, file: BlockFileErrorContext) -> ElevationRaster | None:

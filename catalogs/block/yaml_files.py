@@ -11,6 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from catalogs.printable_text import normal_form
 from facade_core.core.json_types import JsonValue
 from facade_core.core.regular_files import open_regular
 
@@ -58,7 +59,7 @@ def read_yaml(path: Path) -> JsonValue:
     ------
     ValueError : one line, with the line number for errors of syntax.
     """
-    return parse_yaml(_read_text(path))
+    return parse_yaml(normal_form(_read_text(path)))
 
 
 def parse_yaml(text: str) -> JsonValue:

@@ -43,14 +43,21 @@ class BlockBuildings:
     ----------
     items : buildings, ordered by id.
     textures : pictures that the texture indices of the shells refer to.
-    notes : assumptions and omissions, one line each.
+    omissions : set-aside and changed buildings, one line each.
     faults : broken buildings.
+    known_heights : stated heights that inform the assumed ones.
     """
 
     items: tuple[Building, ...]
     textures: tuple[Path, ...]
-    notes: tuple[str, ...]
+    omissions: tuple[str, ...]
     faults: tuple[Fault, ...]
+    known_heights: int
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Return omissions, and the heights that are assumed of the buildings as they are now."""
+        return self.omissions + _note_assumed_heights(self.items, self.known_heights)
 
 
 @dataclass(frozen=True)
@@ -271,8 +278,8 @@ def assemble_buildings(
     buildings, known = _assume_heights(whole, [*assembly.around, *filter(_states_floor_height, parts)], floor_height)
     if parts:
         buildings = _add_parts(buildings, found, parts, floor_height, assembly.reasons)
-    notes = format_reason_notes(assembly.reasons) + _note_assumed_heights(buildings, known)
-    return BlockBuildings(buildings, tuple(assembly.textures), notes, tuple(assembly.faults))
+    omissions = format_reason_notes(assembly.reasons)
+    return BlockBuildings(buildings, tuple(assembly.textures), omissions, tuple(assembly.faults), known)
 
 
 def _separate_solids(sources: Sequence[Footprints | BuildingModels]) -> Iterator[Footprints | BuildingModels]:

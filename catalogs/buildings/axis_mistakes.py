@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from catalogs.buildings.settings import SITES
-from catalogs.crs import LONLAT, coordinate_transform
+from catalogs.crs import LONLAT, coordinate_transform, note_outside_area_of_use
 from facade_core.core.arrays import BoolArray, Float64Array
+from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -106,3 +107,31 @@ def _is_in_use(frame: CRS, points: Float64Array) -> BoolArray:
         with np.errstate(invalid="ignore"):
             found &= np.hypot(x - points[:, 0], y - points[:, 1]) < 1.0
     return found
+
+
+def reject_metres(option: str, values: Sequence[float], find_frame: Callable[[], CRS | None] = lambda: None) -> None:
+    """Raise InputError where the x and y of places cannot be degrees; it has the same places in degrees if they are known.
+
+    Parameters
+    ----------
+    option : option of the command line, for the message.
+    values : x and y of places, one after the other.
+    find_frame : returns the frame of the data, in which they may be meant.
+    """
+    sizes = np.abs(values)
+    if sizes.max() <= 180.0 and sizes.min() <= 90.0:
+        return
+    message = f"{option}: {format_numbers(values)}; longitude and latitude in degrees are needed"
+    frame = find_frame() if sizes.min() > 360.0 else None  # else a slip in degrees
+    if frame is not None and frame.is_projected:
+        x, y = np.reshape(np.asarray(values, dtype=float), (-1, 2)).T
+        places = np.column_stack(coordinate_transform(frame, LONLAT)(x, y))
+        if np.isfinite(places).all() and not note_outside_area_of_use(frame, *places.mean(axis=0).tolist()):
+            degrees = format_numbers(places.round(5).ravel().tolist())
+            raise InputError(f"{message}: write {option} {degrees} (from {frame.to_string()})")
+    raise InputError(message)
+
+
+def format_numbers(values: Sequence[float]) -> str:
+    """Return numbers as they are typed after an option."""
+    return " ".join(f"{value:.12g}" for value in values)

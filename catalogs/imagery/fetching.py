@@ -161,6 +161,8 @@ class _PanoramaFetcher:
                 raise RequestRejectedError(str(error).removeprefix(f"{part.parent}: ")) from error
             suffix, problem = _check_format(part, self.check)
             pose = panorama.pose
+            assert pose.x is not None
+            assert pose.y is not None
             name = "" if problem else f"{stem}{suffix}"
             size = part.stat().st_size
             if not problem:
@@ -176,8 +178,8 @@ class _PanoramaFetcher:
                     lat=pose.y,
                     z=pose.z,
                     heading=pose.heading or 0.0,
-                    pitch=pose.pitch,
-                    roll=pose.roll,
+                    pitch=pose.pitch or 0.0,
+                    roll=pose.roll or 0.0,
                     captured=panorama.captured,
                     author=panorama.author,
                     licence=panorama.licence,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
+from catalogs.printable_text import normal_form
 from catalogs.published.folders import Folder
 from catalogs.published.runs import find_runs
 from catalogs.published.s3 import folder_at
@@ -76,11 +77,11 @@ class Catalogue:
         StoreError : the run's store is gone.
         """
         with current_snapshot(self._find_folder(id, run)).hold_for_reading() as snapshot:
-            return _read_facade(snapshot, id)
+            return _read_facade(snapshot, normal_form(id))
 
     def _find_folder(self, id: str, run: str | None) -> Folder:
         rows = query(self.out, where="kind = 'facade'")
-        rows = rows[rows["id"] == id]
+        rows = rows[rows["id"] == normal_form(id)]
         if run is not None:
             rows = rows[rows["run"] == run]
         names = rows["run"].tolist()

@@ -10,7 +10,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from catalogs.buildings.axis_mistakes import SWAPPED_AXES_NOTE
+from catalogs.buildings.axis_mistakes import SWAPPED_AXES_NOTE, format_numbers, reject_metres
+from catalogs.printable_text import normal_form
 from catalogs.published import object_store
 from catalogs.published.columns import COLUMNS, arrow_type
 from catalogs.published.folders import Folder, map_concurrently
@@ -61,13 +62,14 @@ def query(
     ------
     InputError : one line with the remedy.
     """
+    where = where if where is None else normal_form(where)
     box, start = _parse_box(bbox), None if since is None else parse_since(since)
     found = _select_rows(out, where, box, start, on_left_out)
     if found.empty and box:
         south, west, north, east = box
         swapped = [west, south, east, north]
         if not _select_rows(out, where, swapped, start, None).empty:
-            raise InputError(f"--bbox {_format_box(box)}: {SWAPPED_AXES_NOTE}: write {_format_box(swapped)}")
+            raise InputError(f"--bbox {format_numbers(box)}: {SWAPPED_AXES_NOTE}: write {format_numbers(swapped)}")
     return found
 
 
@@ -120,14 +122,11 @@ def _parse_box(bbox: Sequence[float] | None) -> list[float]:
     box = [float(value) for value in bbox]
     if len(box) != 4 or not all(map(math.isfinite, box)) or box[0] > box[2] or box[1] > box[3]:
         raise InputError(
-            f"--bbox {_format_box(box)}: give WEST SOUTH EAST NORTH in degrees, west before east, "
+            f"--bbox {format_numbers(box)}: give WEST SOUTH EAST NORTH in degrees, west before east, "
             "such as 24.94 60.16 24.95 60.17"
         )
+    reject_metres("--bbox", box)
     return box
-
-
-def _format_box(box: Sequence[float]) -> str:
-    return " ".join(f"{value:.10g}" for value in box)
 
 
 # Merged files, each with the runs in it that have published since.

@@ -11,6 +11,7 @@ from catalogs.features import safe_file_stem
 from catalogs.reader_errors import wrap_reader_errors
 from catalogs.readers import gdal_files
 from catalogs.readers.json_text import load_json, parse_json_object
+from catalogs.readers.pictures.picture_kinds import is_system_file
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
 from facade_core.core.regular_files import MAX_TEXT_BYTES, read_regular
@@ -91,7 +92,9 @@ def read_correction_annotations(path: Path, facades: dict[str, str]) -> list[Ann
 
 def _read_file(path: Path, facades: dict[str, str]) -> list[Annotation]:
     if path.is_dir():
-        files = sorted(file for file in path.glob("*.json") if file.name not in ("export.json", ".export.json"))
+        files = sorted(
+            file for file in path.glob("*.json") if file.name != "export.json" and not is_system_file(file.name)
+        )
         if not files:
             raise InputError(f"{path} holds no .json of COCO or LabelMe; give the folder that an export wrote")
         return list(chain.from_iterable(read_correction_annotations(file, facades) for file in files))

@@ -20,6 +20,7 @@ from catalogs.features import (
     Footprints,
     Remark,
 )
+from catalogs.printable_text import normal_form
 from catalogs.reader_errors import to_single_line
 from catalogs.readers.settings import LIMITS
 from facade_core.core.errors import InputError
@@ -43,7 +44,7 @@ def reject_implausible_items(source: SourceT, path: Path) -> SourceT:
     """Turn items of a source that no block can contain into faults.
 
     These are ids of unusable length or characters, outlines of too many corners and impossible ground heights. Unprintable
-    characters of names are replaced.
+    characters of names are replaced; names and ids are in NFC.
 
     Raises
     ------
@@ -63,7 +64,7 @@ def reject_implausible_items(source: SourceT, path: Path) -> SourceT:
         for item, reason in zip(source.items, reasons, strict=True)
         if reason
     ]
-    items = tuple(_clean_name(item) for item, reason in zip(source.items, reasons, strict=True) if not reason)
+    items = tuple(_normalize_texts(item) for item, reason in zip(source.items, reasons, strict=True) if not reason)
     return replace(source, items=items, faults=tuple(faults), remarks=_clean_remarks(source.remarks))
 
 
@@ -96,11 +97,13 @@ def _simplify_outline(outline: Polygon | MultiPolygon, tolerance: float) -> Poly
     return closed if closed.geom_type == outline.geom_type and closed.area > 0 else outline
 
 
-def _clean_name(item: ItemT) -> ItemT:
-    """Return an item with a printable name of at most LIMITS.max_name_length letters."""
-    return (
-        item if item.name is None else replace(item, name=to_single_line(item.name[: LIMITS.max_name_length]) or None)
-    )
+def _normalize_texts(item: ItemT) -> ItemT:
+    """Return an item with ids in normal form, and a printable name of at most LIMITS.max_name_length letters."""
+    name = None if item.name is None else to_single_line(normal_form(item.name)[: LIMITS.max_name_length]) or None
+    item = replace(item, id=normal_form(item.id), name=name)
+    if isinstance(item, Footprint) and item.whole_id is not None:
+        return replace(item, whole_id=normal_form(item.whole_id))
+    return item
 
 
 def _limit_violation(item: Footprint | BuildingModel | Centreline) -> str | None:

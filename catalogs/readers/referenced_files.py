@@ -8,6 +8,8 @@ from functools import lru_cache
 from pathlib import Path
 from urllib.parse import unquote
 
+from catalogs.printable_text import normal_form
+
 NO_FILE_REASON = "pictures that are no files but folders, pipes or devices: not read; put the pictures in their place"
 OUTSIDE_FOLDER_REASON = "pictures outside the folder of their model: not read; copy them beside it"
 
@@ -23,7 +25,7 @@ def find_referenced_file(model: Path, *names: str, folder: Path | None = None) -
     names : names or URIs of the referenced file in order of preference.
     folder : base of relative names; None for the folder of the model.
     """
-    files = map(_find_in_any_case, _named_paths(model, names, folder))
+    files = map(_find_file, _named_paths(model, names, folder))
     return next((file for file in files if file is not None and _is_below(file, model)), None)
 
 
@@ -37,7 +39,7 @@ def unread_file_reason(model: Path, *names: str, folder: Path | None = None) -> 
     folder : base of relative names; None for the folder of the model.
     """
     paths = _named_paths(model, names, folder)
-    if any((file := _find_in_any_case(path)) is not None and not _is_below(file, model) for path in paths):
+    if any((file := _find_file(path)) is not None and not _is_below(file, model) for path in paths):
         return OUTSIDE_FOLDER_REASON
     is_other = any(os.path.exists(path) and not os.path.isfile(path) and _is_below(path, model) for path in paths)
     return NO_FILE_REASON if is_other else None
@@ -49,22 +51,45 @@ def _named_paths(model: Path, names: Sequence[str], folder: Path | None) -> list
     return [(folder or model.parent) / name for name in variants]
 
 
-def _find_in_any_case(file: Path) -> Path | None:
+def _find_file(path: Path) -> Path | None:
     """Return a file by its name, else by its name in other letter case, as some systems find it."""
-    if os.path.isfile(file):
-        return file
-    try:
-        names = _names_by_folded_name(str(file.parent), os.stat(file.parent).st_mtime_ns)
-    except (OSError, ValueError):
-        return None
-    found = file.parent / names.get(file.name.casefold(), file.name)
-    return found if os.path.isfile(found) else None
+    found = find_in_other_form(path, fold_case=True)
+    return found if found is not None and os.path.isfile(found) else None
+
+
+def find_in_other_form(path: Path, *, fold_case: bool) -> Path | None:
+    """Return an existing path by its name, else by names of the same normal form of Unicode; None without one.
+
+    Parameters
+    ----------
+    path : path as written.
+    fold_case : whether letter case may differ too.
+    """
+    if os.path.exists(path):
+        return path
+    found = Path(path.anchor)
+    for part in path.parts[1 if path.anchor else 0 :]:
+        named = found / part
+        if not os.path.exists(named):
+            try:
+                names = _names_by_form(str(found), os.stat(found).st_mtime_ns, fold_case)
+            except (OSError, ValueError):
+                return None
+            if (name := names.get(_comparable_name(part, fold_case))) is None:
+                return None
+            named = found / name
+        found = named
+    return found
 
 
 @lru_cache(maxsize=16)
-def _names_by_folded_name(folder: str, modified_ns: int) -> dict[str, str]:
-    """Return the names in a folder by their letters in one case; `modified_ns` renews the list after a change."""
-    return {name.casefold(): name for name in sorted(os.listdir(folder), reverse=True)}
+def _names_by_form(folder: str, modified_ns: int, fold_case: bool) -> dict[str, str]:
+    """Return the names in a folder by the form in which they are compared; `modified_ns` renews the list after a change."""
+    return {_comparable_name(name, fold_case): name for name in sorted(os.listdir(folder), reverse=True)}
+
+
+def _comparable_name(name: str, fold_case: bool) -> str:
+    return normal_form(name.casefold() if fold_case else name)
 
 
 def _is_below(file: Path, model: Path) -> bool:

@@ -239,6 +239,7 @@ class PictureReading:
     max_field_name_length : letters of the name of a field in a note.
     max_list_depth : nesting of lists of records in JSON.
     max_poses_bytes : size of a poses file; parsed JSON of nested lists takes twenty times its size.
+    max_sidecar_bytes : size of an XMP sidecar.
     max_panorama_tilt_deg : larger tilts are noted.
     gdal_cache_bytes : A row of blocks must fit into the cache, else GDAL decodes the blocks again for every
         few rows.
@@ -282,6 +283,7 @@ class PictureReading:
     max_field_name_length: int = 40
     max_list_depth: int = 3
     max_poses_bytes: int = 40_000_000
+    max_sidecar_bytes: int = 4_000_000
     max_panorama_tilt_deg: float = 45.0
     gdal_cache_bytes: int = 256_000_000
     max_row_cells: int = 16_384

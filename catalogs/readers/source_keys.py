@@ -14,12 +14,15 @@ class SourceKeys:
     crs : frame of the file, which replaces its own.
     encoding : code page of the text of Shapefiles.
     up : axis of mesh files that points up, "y" or "z".
+    layer : layer of a vector file.
     """
 
     crs: str | None = None
     encoding: str | None = None
     up: str | None = None
+    layer: str | None = None
 
 
 UP_AXIS_SUFFIXES = (".obj", ".ply", ".stl")  # mesh files whose upward axis a block file may state
+LAYERED_SUFFIXES = (".gpkg", ".geojson", ".json", ".fgb", ".shp")  # vector files read by layer
 NO_SOURCE_KEYS = SourceKeys()

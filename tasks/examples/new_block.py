@@ -10,7 +10,9 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,10 +20,10 @@ from catalogs.block.keys import suggest_name
 from catalogs.block.reader import Block, read_block
 from catalogs.block.settings import replace_settings
 from catalogs.block.yaml_files import format_yaml
-from catalogs.buildings.axis_mistakes import SWAPPED_AXES_NOTE
+from catalogs.buildings.axis_mistakes import SWAPPED_AXES_NOTE, format_numbers, reject_metres
 from catalogs.buildings.densest_square import densest_building_square, square_bounds
 from catalogs.buildings.extents import Bounds
-from catalogs.crs import LONLAT, coordinate_transform, note_outside_area_of_use, parse_crs
+from catalogs.crs import parse_crs
 from catalogs.features import safe_file_stem
 from catalogs.printable_text import format_command, format_count, format_unit_reason
 from catalogs.readers.formats import read_buildings, read_centrelines
@@ -32,6 +34,9 @@ from facade_core.core.json_types import JsonObject
 from facade_core.geometry.walls import WallRole
 from tasks.examples.demo import copy_painted_exemplars
 from tasks.stages.ingest.planning import make_plan
+
+if TYPE_CHECKING:
+    from pyproj import CRS
 
 # Command-line options by key of the block file.
 _OPTIONS = {
@@ -87,7 +92,7 @@ class SquareArea:
 
     def axis_order_message(self, reason: str) -> str:
         """Return the error message for swapped longitude and latitude."""
-        swapped = _format_numbers((self.latitude, self.longitude))
+        swapped = format_numbers((self.latitude, self.longitude))
         return f"--around: {reason}; longitude comes first: write --around {swapped}"
 
 
@@ -334,41 +339,24 @@ def _swapped_file_message(geometry: MapFiles, bounds: Sequence[float]) -> str:
 
 def _bounds(geometry: MapFiles, area: Sequence[float] | SquareArea | float) -> Sequence[float]:
     if isinstance(area, SquareArea):
-        _reject_metres(geometry, "--around", (area.longitude, area.latitude))
+        reject_metres("--around", (area.longitude, area.latitude), partial(_stated_frame, geometry))
         if abs(area.latitude) >= 90.0:
-            raise InputError(area.axis_order_message(f"{_format_numbers([area.latitude])} is no latitude"))
+            raise InputError(area.axis_order_message(f"{format_numbers([area.latitude])} is no latitude"))
         return square_bounds(area.longitude, area.latitude, area.size)
     if isinstance(area, float):
         return _densest_bounds(geometry, area)
-    _reject_metres(geometry, "--bbox", area)
+    reject_metres("--bbox", area, partial(_stated_frame, geometry))
     return area
 
 
-def _reject_metres(geometry: MapFiles, option: str, values: Sequence[float]) -> None:
-    """Raise InputError where the x and y of places cannot be degrees; it has the same places in degrees if they are known."""
-    sizes = np.abs(values)
-    if sizes.max() <= 180.0 and sizes.min() <= 90.0:
-        return
-    in_metres = sizes.min() > 360.0  # else a slip in degrees
-    message = f"{option}: {_format_numbers(values)}; longitude and latitude in degrees are needed"
-    frame = None
+def _stated_frame(geometry: MapFiles) -> CRS | None:
+    """Return the frame of the buildings; None for map extracts, which are in degrees."""
+    stated = geometry.crs
     with suppress(InputError):
-        # map extracts are in degrees
-        stated = geometry.crs or (
-            None if geometry.streets == geometry.buildings else read_buildings(geometry.buildings).crs
-        )
-        frame = parse_crs(stated) if stated else None
-    if in_metres and frame is not None and frame.is_projected:
-        x, y = np.reshape(np.asarray(values, dtype=float), (-1, 2)).T
-        places = np.column_stack(coordinate_transform(frame, LONLAT)(x, y))
-        if np.isfinite(places).all() and not note_outside_area_of_use(frame, *places.mean(axis=0).tolist()):
-            degrees = _format_numbers(places.round(5).ravel().tolist())
-            raise InputError(f"{message}: write {option} {degrees} (from {frame.to_string()})")
-    raise InputError(message)
-
-
-def _format_numbers(values: Sequence[float]) -> str:
-    return " ".join(f"{value:.12g}" for value in values)
+        if stated is None and geometry.streets != geometry.buildings:
+            stated = read_buildings(geometry.buildings).crs
+        return parse_crs(stated) if stated else None
+    return None
 
 
 def _densest_bounds(geometry: MapFiles, size: float) -> Bounds:

@@ -12,11 +12,11 @@ import numpy as np
 from catalogs.block.reader import Block, read_block
 from catalogs.features import Fault, Remark, feature_ids_by_reason, format_reason_notes
 from catalogs.reader_errors import is_system_error
-from catalogs.readers.pictures.embedded_poses import read_exif_pose
+from catalogs.readers.pictures.embedded_poses import read_stated_poses
 from catalogs.readers.pictures.folders import list_images
 from catalogs.readers.pictures.panoramas import project_pose
 from catalogs.readers.pictures.poses import PosesFile, read_poses_file
-from catalogs.readers.pictures.source_poses import SourcePose
+from catalogs.readers.pictures.source_poses import SourcePose, assemble_pose
 from facade_core.core.errors import FacadeError, InputError
 from facade_core.core.name_hash import hash_name
 from facade_core.geometry.ground.terrain import Terrain, build_terrain
@@ -110,7 +110,7 @@ def poses_notes(file: PosesFile, photos: Sequence[Path]) -> tuple[str, ...]:
         Remark(name, reason, None)
         for name, place in places.items()
         if isinstance(place, SourcePose)
-        for reason in place.remarks
+        for _, reason in place.remarks
     ]
     return format_reason_notes(feature_ids_by_reason((*file.remarks, *of_entries)))
 
@@ -118,7 +118,11 @@ def poses_notes(file: PosesFile, photos: Sequence[Path]) -> tuple[str, ...]:
 def read_place(path: Path, stated: Mapping[str, SourcePose | str]) -> SourcePose | str | None:
     """Read the place of a photo, or the fault in it; None if nothing states one."""
     try:
-        return stated.get(path.name) or stated.get(path.stem) or read_exif_pose(path)
+        entry = stated.get(path.name) or stated.get(path.stem)
+        if isinstance(entry, str):
+            return entry
+        pose, _ = assemble_pose(({} if entry is None else {"table": entry}) | read_stated_poses(path))
+        return None if pose.x is None else pose
     except InputError as error:
         return str(error)
 

@@ -253,8 +253,8 @@ ORTHO: dict[str, tuple[Callable[[Path], Path], str]] = {
     "no-place": (lambda f: ortho(f, transform=Affine.identity()), r"states no place on the ground"),
     "no-frame": (lambda f: ortho(f, crs=None), r"states no frame; write imagery.aerial.crs"),
     "lunar": (lambda f: ortho(f, crs=MOON), r"not a frame of the Earth|no places on a map|is not a known CRS"),
-    "16-bit": (lambda f: ortho(f, values=COLOURS.astype(np.uint16)), r"has pixels of uint16; convert it to 8 bits"),
-    "float": (lambda f: ortho(f, values=COLOURS / np.float32(255)), r"has pixels of float32; convert it"),
+    "16-bit": (lambda f: ortho(f, values=COLOURS.astype(np.uint16)), r"has bands of uint16; convert it to 8 bits"),
+    "float": (lambda f: ortho(f, values=COLOURS / np.float32(255)), r"has bands of float32; convert it"),
     "elsewhere": (lambda f: ortho(f, transform=from_origin(0, 0, 2, 2)), r"o\.tif "),
     "one-vast-block": (
         lambda f: sparse(f, 0.05, 30_000, blockxsize=24_576, blockysize=24_576),

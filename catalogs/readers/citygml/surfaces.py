@@ -147,7 +147,8 @@ def _iterate_polygons(member: Element, ids: Mapping[str, Element]) -> Iterator[t
 def select_lod_surfaces(units: Sequence[BuildingUnit], requested_lod: int | None) -> tuple[list[CityGmlSurface], int]:
     """Return the surfaces to read and their level of detail.
 
-    Parts without the level use their nearest; installations use none above it.
+    Parts without the level use their nearest; installations use none above it. A solid of the building that is the hull of
+    its parts is left out.
 
     Parameters
     ----------
@@ -166,6 +167,9 @@ def select_lod_surfaces(units: Sequence[BuildingUnit], requested_lod: int | None
         raise GeometryError("it has a footprint only (LoD 0); export it at LoD 1 or above")
     chosen = _nearest_lod(lods, 4 if requested_lod is None else requested_lod)
     whole = chosen in units[0].surfaces_by_lod
+    parts = [unit for unit in units if unit.kind == "part" and chosen in unit.surfaces_by_lod]
+    if whole and parts and _have_equal_extents(units[:1], parts, chosen):
+        units = units[1:]
     found = []
     for unit in units:
         lod = _nearest_lod(unit.surfaces_by_lod, chosen)
@@ -174,6 +178,19 @@ def select_lod_surfaces(units: Sequence[BuildingUnit], requested_lod: int | None
         if lod == chosen or (lod and coarser):
             found += unit.surfaces_by_lod[lod]
     return found, chosen
+
+
+def _have_equal_extents(one: Sequence[BuildingUnit], other: Sequence[BuildingUnit], lod: int) -> bool:
+    """Return True where units span the same box, up to a hundredth: a solid of the building is the hull of its parts."""
+    boxes = []
+    for units in (one, other):
+        surfaces = chain.from_iterable(unit.surfaces_by_lod[lod] for unit in units)
+        rings = [ring for surface in surfaces for ring in polygon_rings(surface.polygon).values()]
+        points = np.concatenate([np.zeros((0, 3)), *rings])
+        if not len(points):
+            return False
+        boxes.append(np.array([points.min(axis=0), points.max(axis=0)]))
+    return bool((np.abs(boxes[0] - boxes[1]) <= np.ptp(boxes[0], axis=0) / 100).all())
 
 
 def _nearest_lod(lods: Collection[int], requested: int) -> int:

@@ -16,6 +16,7 @@ import numpy as np
 
 from catalogs.crs import bounds_to_lonlat
 from catalogs.file_digest import file_digest
+from catalogs.readers.pictures.colour_bands import find_colour_bands
 from catalogs.readers.pictures.colour_profiles import ColourProfile, profile_to_srgb
 from catalogs.readers.pictures.rasters import (
     RASTER_DRIVERS,
@@ -34,6 +35,10 @@ if TYPE_CHECKING:
 
 # Suffixes of files with the georeference of a picture.
 WORLD_FILE_SUFFIXES = frozenset({".wld", ".tfw", ".tifw", ".pgw", ".pngw", ".jgw", ".jpgw", ".jpegw", ".j2w", ".jp2w"})
+_ASSUMED_BANDS_NOTE = (
+    "bands 1, 2 and 3 of {file} taken for red, green and blue, as it states none; where they are others, state them with "
+    "gdal_edit.py -colorinterp_1 red -colorinterp_2 green -colorinterp_3 blue"
+)
 REMEDY = "give a GeoTIFF, or a PNG or JPEG with its world file beside it"
 
 
@@ -133,7 +138,7 @@ def open_orthophoto(path: Path, crs: str | None, frame: CRS, places: Float64Arra
             raise InputError(f"{path} states no frame; write imagery.aerial.crs: EPSG:...")
         if set(raster.dtypes) != {"uint8"}:
             raise InputError(
-                f"{path} has pixels of {raster.dtypes[0]}; convert it to 8 bits with gdal_translate -ot Byte -scale"
+                f"{path} has bands of {raster.dtypes[0]}; convert it to 8 bits with gdal_translate -ot Byte -scale"
             )
         x, y = _to_pixels(raster, _transformer(frame.to_wkt(), raster_crs.to_wkt()), places)
         inside = _is_inside(raster, x, y)
@@ -145,6 +150,13 @@ def open_orthophoto(path: Path, crs: str | None, frame: CRS, places: Float64Arra
             _read_box(raster, (column * columns, row * rows, columns, rows), (1, 1))
         content = _content_digest(raster)
     return Orthophoto(path.absolute(), raster_crs.to_wkt(), frame.to_wkt(), content)
+
+
+def note_assumed_bands(path: Path) -> tuple[str, ...]:
+    """Return a note where an orthophoto does not state the colours of its bands."""
+    with _open_orthophoto(path) as raster:
+        is_assumed = find_colour_bands(raster, str(path)).is_assumed
+    return (_ASSUMED_BANDS_NOTE.format(file=path.name),) if is_assumed else ()
 
 
 def _content_digest(raster: DatasetReader) -> str:
@@ -226,14 +238,19 @@ def _read_box(
     width, height = min(width, raster.width - left), min(height, raster.height - top)
     options = {"window": Window(left, top, width, height)}
     shape = size or (height, width)
-    palette = raster.colorinterp[0] == ColorInterp.palette
+    palette = ColorInterp.palette in raster.colorinterp
     how = Resampling.nearest if palette else Resampling.average
-    bands = [1, 2, 3] if raster.count >= 3 else [1]
-    values = raster.read(bands, out_shape=(len(bands), *shape), resampling=how, **options)
-    alpha = raster.dataset_mask(out_shape=shape, resampling=Resampling.nearest, **options)
+    bands = find_colour_bands(raster, raster.name)
+    colours = list(bands.colours)
+    values = raster.read(colours, out_shape=(len(colours), *shape), resampling=how, **options)
+    if bands.alpha is None:
+        options["resampling"] = Resampling.nearest
+        alpha = raster.read_masks(colours, out_shape=(len(colours), *shape), **options).max(axis=0)
+    else:
+        alpha = raster.read(bands.alpha, out_shape=shape, resampling=Resampling.nearest, **options)
     if palette:
         table = np.zeros((256, 4), np.uint8)
-        for index, colour in raster.colormap(1).items():
+        for index, colour in raster.colormap(colours[0]).items():
             table[index] = colour
         values = np.moveaxis(table[values[0]][..., :3], -1, 0)
     rgb = np.ascontiguousarray(np.moveaxis(np.broadcast_to(values, (3, *shape)), 0, -1))

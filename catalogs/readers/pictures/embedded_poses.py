@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, SupportsFloat
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 _GPS_IFD = 0x8825
 _ORIENTATION_TAG = 0x0112
 _FULL_VIEW = (0.0, 0.0, 1.0, 1.0)
+_MAGNETIC_REASON = "panoramas whose heading from magnetic north is taken as true"
 _ZERO_HEADING_REASON = (
     "panoramas whose GPano heading is 0, a usual default, and whose EXIF states another: 0 taken; give a poses file if the "
     "other is right"
@@ -46,7 +48,7 @@ def read_panorama_view(path: Path) -> tuple[float, float, float, float] | None:
         Where its tags state another projection, or an impossible part.
     """
     with open_picture(path) as image:
-        pano, (width, height) = _gpano_fields(image), image.size
+        pano, (width, height) = _xmp_fields(path, image), image.size
         turned = _is_rotated(image)
     if "ProjectionType" not in pano and (turned or abs(width / height / 2 - 1) > PICTURES.panorama_aspect_tolerance):
         return None
@@ -56,13 +58,13 @@ def read_panorama_view(path: Path) -> tuple[float, float, float, float] | None:
         raise ImageError(f"{path.name} {error}") from error
 
 
-def read_panorama_metadata(path: Path) -> tuple[tuple[float, float, float, float], SourcePose | None, bool, str | None]:
-    """Return the view, the pose, whether the heading is from magnetic north, and the date of a picture.
+def read_panorama_metadata(path: Path) -> tuple[tuple[float, float, float, float], dict[str, SourcePose], str | None]:
+    """Return the view, what each source states of the pose, and the date of a picture.
 
     ValueError with the remedy where the picture is no equirectangular panorama.
     """
     with open_picture(path) as image:
-        pano, gps = _gpano_fields(image), read_exif_gps(image)
+        pano, gps = _xmp_fields(path, image), read_exif_gps(image)
         width, height = image.size
         turned, taken = _is_rotated(image), exif_capture_date(image)
     view = _gpano_view(pano)
@@ -78,35 +80,62 @@ def read_panorama_metadata(path: Path) -> tuple[tuple[float, float, float, float
             f"is {width} x {height} pixels{whole}, and an equirectangular panorama is twice as wide as high; "
             "give the whole one or its GPano tags, or remove it"
         )
-    return view, *embedded_pose(pano, gps), taken
+    return view, stated_poses(pano, gps), taken
 
 
-def read_exif_pose(path: Path) -> SourcePose | None:
-    """Return the EXIF position of a picture, with the heading if stated.
+def read_stated_poses(path: Path) -> dict[str, SourcePose]:
+    """Return what a picture states of its pose, by source: XMP, whose sidecar counts first, and EXIF.
 
-    None without a position. Headings from magnetic north are taken as true.
+    Headings from magnetic north are taken as true, with a remark.
     """
     with open_picture(path) as image:
-        return embedded_pose({}, read_exif_gps(image))[0]
+        return stated_poses(_xmp_fields(path, image), read_exif_gps(image))
 
 
-def embedded_pose(pano: Mapping[str, str], gps: Mapping[str, TagValue]) -> tuple[SourcePose | None, bool]:
-    """Return the pose that GPano and GPS tags state, and whether its heading is from magnetic north."""
+def stated_poses(xmp: Mapping[str, str], gps: Mapping[str, TagValue]) -> dict[str, SourcePose]:
+    """Return what the fields of XMP and the GPS tags of EXIF state of a pose, by source."""
+    heading, direction = _finite_number(xmp.get("PoseHeadingDegrees")), _direction(gps)
+    doubts: tuple[tuple[str, str], ...] = (("heading", _ZERO_HEADING_REASON),) if heading == 0 and direction else ()
+    if heading is None and (heading := _direction(xmp)) is not None:
+        doubts = _magnetic_doubts(xmp)
+    pitch, roll = (_finite_number(xmp.get(f"Pose{angle}Degrees")) for angle in ("Pitch", "Roll"))
+    (lon, lat), (exif_lon, exif_lat) = _lonlat(xmp), _lonlat(gps)
+    return {
+        "XMP": SourcePose(LONLAT, lon, lat, None, heading, pitch, roll, remarks=doubts),
+        "EXIF": SourcePose(LONLAT, exif_lon, exif_lat, None, direction, remarks=_magnetic_doubts(gps)),
+    }
+
+
+def _lonlat(tags: Mapping[str, TagValue]) -> tuple[float, float] | tuple[None, None]:
+    """Return longitude and latitude of GPS tags; XMP writes them as "60,9.585N"."""
     try:
-        lon = degrees_from_dms(gps["GPSLongitude"], gps.get("GPSLongitudeRef"))
-        lat = degrees_from_dms(gps["GPSLatitude"], gps.get("GPSLatitudeRef"))
+        lon, lat = (
+            degrees_from_dms([_number(part) for part in value[:-1].split(",")], value[-1])
+            if isinstance(value := tags[key], str)
+            else degrees_from_dms(value, tags.get(f"{key}Ref"))
+            for key in ("GPSLongitude", "GPSLatitude")
+        )
+    except (KeyError, TypeError, ValueError, ArithmeticError, IndexError):
+        return None, None
+    return (lon, lat) if math.isfinite(lon + lat) else (None, None)
+
+
+def _direction(tags: Mapping[str, TagValue]) -> float | None:
+    try:
+        return _finite_number(_number(tags["GPSImgDirection"]))
     except (KeyError, TypeError, ValueError, ArithmeticError):
-        return None, False
-    if not math.isfinite(lon + lat):
-        return None, False
-    heading, direction = _finite_number(pano.get("PoseHeadingDegrees")), _finite_number(gps.get("GPSImgDirection"))
-    if heading is not None:
-        pitch, roll = (_finite_number(pano.get(f"Pose{angle}Degrees")) or 0.0 for angle in ("Pitch", "Roll"))
-        doubts = (_ZERO_HEADING_REASON,) if heading == 0 and direction else ()
-        return SourcePose(LONLAT, lon, lat, None, heading, pitch, roll, remarks=doubts), False
-    reference = gps.get("GPSImgDirectionRef") or "T"
-    magnetic = str(reference.decode("ascii", "ignore") if isinstance(reference, bytes) else reference)[:1] in "Mm"
-    return SourcePose(LONLAT, lon, lat, None, direction), magnetic
+        return None
+
+
+def _number(value: TagValue) -> float:
+    """Return the number of a tag; XMP writes fractions as "2705/10"."""
+    return float(Fraction(value.strip())) if isinstance(value, str) else float(value)  # type: ignore[arg-type]
+
+
+def _magnetic_doubts(tags: Mapping[str, TagValue]) -> tuple[tuple[str, str], ...]:
+    reference = tags.get("GPSImgDirectionRef") or "T"
+    letter = str(reference.decode("ascii", "ignore") if isinstance(reference, bytes) else reference)[:1]
+    return (("heading", _MAGNETIC_REASON),) if letter in "Mm" and letter else ()
 
 
 def _finite_number(value: object) -> float | None:
@@ -164,8 +193,22 @@ def read_exif_gps(image: Image) -> dict[str, TagValue]:
         return {}
 
 
-def _gpano_fields(image: Image) -> dict[str, str]:
-    """Return the GPano fields of the XMP as text by name; none where the XMP is damaged."""
+def _xmp_fields(path: Path, image: Image) -> dict[str, str]:
+    """Return the fields of a picture's XMP as text by name, those of a sidecar NAME.xmp or NAME.jpg.xmp first."""
+    from PIL import Image as PillowImage
+
+    fields: dict[str, str] = {}
+    for name in (f"{path.name}.xmp", f"{path.stem}.xmp"):
+        sidecar = path.with_name(name)
+        if sidecar.is_file() and sidecar.stat().st_size <= PICTURES.max_sidecar_bytes:
+            carrier = PillowImage.new("L", (1, 1))
+            carrier.info["xmp"] = sidecar.read_bytes()
+            fields = _parse_xmp(carrier) | fields
+    return _parse_xmp(image) | fields
+
+
+def _parse_xmp(image: Image) -> dict[str, str]:
+    """Return the fields of the XMP as text by name; none where the XMP is damaged."""
     try:
         waiting: list[object] = [image.getxmp()]
     except Exception:  # damaged metadata raises errors of any class

@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from io import BufferedReader
 from pathlib import Path
 
 from catalogs.features import Fault, safe_file_stem
 from catalogs.file_digest import file_digest
+from catalogs.printable_text import normal_form
 from catalogs.reader_errors import to_single_line
 from catalogs.readers.pictures.decoding import REMEDY, is_unreadable_file, open_picture, unreadable_message
-from catalogs.readers.pictures.picture_kinds import IMAGE_SUFFIXES, LABEL_MAP_SUFFIX, is_picture_name, unread_reason
+from catalogs.readers.pictures.picture_kinds import (
+    IMAGE_SUFFIXES,
+    LABEL_MAP_SUFFIX,
+    is_picture_name,
+    is_system_file,
+    unread_reason,
+)
 from catalogs.readers.settings import PICTURES
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import open_regular
@@ -21,7 +28,9 @@ _END_OF_IMAGE = b"\xff\xd9"
 _CHUNK_BYTES = 1_000_000
 
 
-def list_images(folder: Path, kind: str) -> tuple[tuple[Path, ...], tuple[Fault, ...]]:
+def list_images(
+    folder: Path, kind: str, *, with_subfolders: bool = False
+) -> tuple[tuple[Path, ...], tuple[Fault, ...]]:
     """List the usable pictures of a folder by name, and a fault for each other file.
 
     A picture is unusable where it cannot be read or opened, is truncated, too large or too small. Files that accompany
@@ -31,13 +40,14 @@ def list_images(folder: Path, kind: str) -> tuple[tuple[Path, ...], tuple[Fault,
     ----------
     folder : folder of pictures.
     kind : kind of the faults.
+    with_subfolders : whether pictures in folders of the folder are listed too.
 
     Raises
     ------
     InputError
         Where no picture is usable.
     """
-    found, faults = _list_pictures(folder, kind)
+    found, faults = _list_pictures(folder, kind, with_subfolders=with_subfolders)
     damage = {
         path: _name_problem(path)
         or _missing_file_problem(path)
@@ -76,12 +86,13 @@ def photos_by_facade(folder: Path) -> tuple[dict[str, Path], tuple[Fault, ...]]:
     for path in found:
         if problem := _name_problem(path):
             raise InputError(f"{folder}: {problem}")
-        if path.stem in photos:
-            raise InputError(f"{photos[path.stem]} and {path.name} both name facade {path.stem}; remove one")
+        facade = normal_form(path.stem)
+        if facade in photos:
+            raise InputError(f"{photos[facade]} and {path.name} both name facade {facade}; remove one")
         if problem := _missing_file_problem(path) or _read_problem(path):
             faults.append(Fault(path.name, "photo", problem))
         else:
-            photos[path.stem] = path
+            photos[facade] = path
     return photos, (*faults, *unread)
 
 
@@ -90,11 +101,11 @@ def find_facade_photo(photos: Mapping[str, Path], facade: str) -> Path | None:
     return photos.get(facade, photos.get(safe_file_stem(facade)))
 
 
-def _list_pictures(folder: Path, kind: str) -> tuple[list[Path], list[Fault]]:
+def _list_pictures(folder: Path, kind: str, *, with_subfolders: bool = False) -> tuple[list[Path], list[Fault]]:
     """Return the pictures of a folder, and a fault for each file that is neither read nor a companion."""
     if not folder.is_dir():
         raise InputError(f"{folder} is not a folder; give the folder that holds the pictures")
-    inside = sorted(folder.iterdir(), key=lambda path: path.name)
+    inside = list(iterate_files(folder, with_subfolders=with_subfolders))
     found = [path for path in inside if is_picture_name(path.name) and not path.is_dir()]
     faults = [
         Fault(to_single_line(path.name), kind, to_single_line(reason))
@@ -104,6 +115,17 @@ def _list_pictures(folder: Path, kind: str) -> tuple[list[Path], list[Fault]]:
     if not found:
         raise InputError(f"{folder} holds no pictures; {_remedy_without_pictures(folder, faults)}")
     return found, faults
+
+
+def iterate_files(folder: Path, *, with_subfolders: bool = False) -> Iterator[Path]:
+    """Yield what a folder holds by name, without what other programs leave; folders in it with their files instead."""
+    for path in sorted(folder.iterdir(), key=lambda path: path.name):
+        if is_system_file(path.name):
+            continue
+        if with_subfolders and path.is_dir() and not path.is_symlink():
+            yield from iterate_files(path, with_subfolders=True)
+        else:
+            yield path
 
 
 def _remedy_without_pictures(folder: Path, faults: list[Fault]) -> str:

@@ -1,8 +1,9 @@
-"""Conversion of pictures of more than 8 bits per band (16, 32, float) by the range of their values."""
+"""Conversion of pictures of more than 8 bits per band (16, 32, float) by the range of their values, and of stated bands."""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from catalogs.readers.gdal_files import open_raster_dataset
+from catalogs.readers.pictures.colour_bands import find_colour_bands
 from catalogs.readers.settings import PICTURES
 from facade_core.core.arrays import BoolArray, Float32Array, UInt8Array
 from facade_core.core.errors import ImageError
@@ -28,10 +30,12 @@ REMEDY = "save it as PNG or JPEG of 8 bits"
 _BITS_PER_SAMPLE_TAG = 258
 _SAMPLE_FORMAT_TAG = 339
 _UNSIGNED_FORMAT = 1
+_GDAL_METADATA_TAG = 42112
+_BAND_MEANING = re.compile('role="(colorinterp|description)"')
 
 
 def is_high_bit_depth(image: Image) -> bool:
-    """Return True where Pillow would clip values or cut them to the upper 8 bits."""
+    """Return True where Pillow would clip values, cut them to the upper 8 bits, or miss what GDAL states of bands."""
     from PIL.ImageFile import ImageFile
 
     if image.mode.startswith(("I", "F")):
@@ -39,6 +43,8 @@ def is_high_bit_depth(image: Image) -> bool:
     tags: Mapping[int, ArrayLike] = getattr(image, "tag_v2", {})
     bits, kinds = (np.atleast_1d(tags.get(tag, 1)).tolist() for tag in (_BITS_PER_SAMPLE_TAG, _SAMPLE_FORMAT_TAG))
     if max(bits) > 8 or any(kind != _UNSIGNED_FORMAT for kind in kinds):
+        return True
+    if _BAND_MEANING.search(str(tags.get(_GDAL_METADATA_TAG, ""))):
         return True
     tiles = image.tile if isinstance(image, ImageFile) else ()
     return image.format == "PNG" and any(";16" in str(tile.args) for tile in tiles)
@@ -83,7 +89,8 @@ def read_high_bit_depth(path: Path, factor: int) -> tuple[UInt8Array, BoolArray]
             Window(0, row, raster.width, min(step, raster.height - row)) for row in range(0, raster.height, step)
         ]
         low, high, opaque = _value_ranges(raster, bands, transparent, windows)
-        most = _white_value(path, raster.dtypes[0], low, high)
+        is_scaled = any(scale != 1 for scale in raster.scales)
+        most = _white_value(path, "floating point" if is_scaled else raster.dtypes[0], low, high)
         shape = (math.ceil(raster.height / factor), math.ceil(raster.width / factor))
         rgb, hidden = np.empty((*shape, 3), np.uint8), np.empty(shape, bool)
         for window in windows:
@@ -104,14 +111,13 @@ def read_high_bit_depth(path: Path, factor: int) -> tuple[UInt8Array, BoolArray]
 
 def _colour_bands(path: Path, raster: DatasetReader) -> tuple[list[int], int | None, bool]:
     """Return the colour bands, the alpha band or None, and whether the lowest value is white."""
-    from rasterio.enums import ColorInterp, PhotometricInterp
+    from rasterio.enums import PhotometricInterp
 
     if raster.photometric in (PhotometricInterp.cmyk, PhotometricInterp.ycbcr, PhotometricInterp.cielab):
         raise ImageError(f"{path.name} is {raster.photometric.value} of {raster.dtypes[0]}; {REMEDY}")
-    colours = 3 if raster.count >= 3 else 1
-    alpha = next((i + 1 for i, how in enumerate(raster.colorinterp) if how == ColorInterp.alpha and i >= colours), None)
+    bands = find_colour_bands(raster, path.name)
     inverted = str(raster.tags(ns="IMAGE_STRUCTURE").get("MINISWHITE", "")).upper() == "YES"
-    return list(range(1, colours + 1)), alpha, inverted
+    return list(bands.colours), bands.alpha, inverted
 
 
 def _value_ranges(
@@ -131,10 +137,13 @@ def _value_ranges(
 def _read_values(raster: DatasetReader, bands: list[int], window: Window) -> Float32Array:
     """Return values (bands, rows, columns), NaN for nodata."""
     values = raster.read(bands, window=window)
-    unknown = None if raster.nodata is None else values == raster.nodata
-    values = values.astype(np.float32)
-    if unknown is not None:
-        values[unknown] = np.nan
+    nodata, scales, offsets = (
+        np.array([of_bands[band - 1] for band in bands], np.float64)[:, None, None]
+        for of_bands in (raster.nodatavals, raster.scales, raster.offsets)
+    )
+    unknown = values == nodata
+    values = (values * scales + offsets).astype(np.float32)
+    values[unknown] = np.nan
     return np.asarray(values)
 
 
@@ -144,6 +153,8 @@ def _white_value(path: Path, kind: str, low: float, high: float) -> float:
         raise ImageError(f"{path.name} has no pixel that is a number; replace or remove it")
     if low == high == 0:
         return 1.0
+    if kind == "uint8":
+        return 255.0
     span = f"{path.name} has values from {low:g} to {high:g} ({kind})"
     if kind.startswith("float"):
         white = 1.0 if high <= 1.05 else 255.0

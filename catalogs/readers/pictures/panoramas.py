@@ -9,14 +9,15 @@ from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from catalogs.crs import LONLAT
 from catalogs.features import Fault, Remark
 from catalogs.file_digest import file_digest
-from catalogs.printable_text import format_unit_reason
+from catalogs.printable_text import format_unit_reason, normal_form
 from catalogs.reader_errors import fault_reason, to_single_line
 from catalogs.readers.pictures.embedded_poses import read_panorama_metadata
 from catalogs.readers.pictures.folders import list_images
 from catalogs.readers.pictures.poses import PosesFile, read_poses_file
-from catalogs.readers.pictures.source_poses import SourcePose, find_implausible_value, is_on_earth
+from catalogs.readers.pictures.source_poses import SourcePose, assemble_pose, find_implausible_value, is_on_earth
 from catalogs.readers.settings import PICTURES
 from facade_core.core.errors import InputError
 from facade_core.core.types import Pose
@@ -32,8 +33,6 @@ _DISTANT_REASON = (
     "panoramas skipped that lie far from the buildings; check the order of x and y (east first), of lon and lat, "
     "and the crs"
 )
-_MAGNETIC_REASON = "panoramas whose heading from magnetic north is taken as true"
-_FOREIGN_POSE_REASON = "panoramas without a heading in {file}, place and heading taken from the pictures themselves"
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,10 +71,10 @@ def read_panoramas(
 ) -> PosedPanoramas:
     """Read the posed panoramas of a folder in the frame of a block.
 
-    The pose is the first with position and heading of: the poses file, GPano XMP with EXIF GPS, EXIF GPS. Headings from true
-    north become grid headings. z is None unless the poses file states it, since GPS heights have another datum. GPano XMP
-    states the part of the full panorama. Panoramas farther than PICTURES.max_panorama_distance_m outside the bounds are skipped
-    with a remark.
+    Each field of a pose is from the first that states it of: the poses file, XMP (its sidecar first), EXIF. Pitch and roll
+    that none states are 0. Headings from true north become grid headings. z is None unless the poses file states it, since
+    GPS heights have another datum. GPano XMP states the part of the full panorama. Panoramas farther than
+    PICTURES.max_panorama_distance_m outside the bounds are skipped with a remark.
     Panoramas much older than a nearby one get a remark.
 
     Parameters
@@ -155,10 +154,13 @@ class _PanoramaReader:
         first = self._known.setdefault(path.stem, path)
         if first != path:
             raise ValueError(f"{path.name} and {first.name} have one name; rename or remove one")
-        view, source, magnetic, taken = read_panorama_metadata(path)
-        stated, entry = _stated_pose(self.sources, path), _find_entry(self.sources, path)
-        source = stated or source
-        if source is None or source.heading is None:
+        view, embedded, taken = read_panorama_metadata(path)
+        entry = _find_entry(self.sources, path)
+        if isinstance(entry, str):
+            raise ValueError(entry)
+        stated = {} if self.poses is None or entry is None else {self.poses.name: entry}
+        source, origins = assemble_pose(stated | embedded)
+        if source.x is None or source.heading is None:
             raise ValueError(_missing_pose_reason(source, self.poses, entry))
         pose = project_pose(source, view, self._crs, self._frames)
         self.posed += 1
@@ -166,19 +168,9 @@ class _PanoramaReader:
             self.remarks.append(Remark(path.stem, _DISTANT_REASON, None))
             return
         self._check_twin(path)
-        reasons = self._entry_reasons(entry)
-        if stated is None:
-            reasons = (*source.remarks, *([_MAGNETIC_REASON] if magnetic else []), *reasons)
+        reasons = [*(reason for _, reason in source.remarks), *_mixed_source_reasons(origins, has_file=bool(stated))]
         self.remarks += [Remark(path.stem, reason, None) for reason in reasons]
-        self.items.append(PosedPanorama(path.stem, path, pose, source.captured or taken))
-
-    def _entry_reasons(self, entry: SourcePose | str | None) -> tuple[str, ...]:
-        """Return the reasons of remarks on a picture by its entry in the poses file."""
-        if self.poses is None or not isinstance(entry, SourcePose):
-            return ()
-        if entry.heading is None:
-            return (*entry.remarks, _FOREIGN_POSE_REASON.format(file=self.poses.name))
-        return entry.remarks
+        self.items.append(PosedPanorama(normal_form(path.stem), path, pose, source.captured or taken))
 
     def _check_twin(self, path: Path) -> None:
         alike = self._same_size.setdefault(path.stat().st_size, [])
@@ -188,10 +180,12 @@ class _PanoramaReader:
 
 
 def _match_letter_case(poses: Mapping[str, SourcePose | str], paths: Sequence[Path]) -> dict[str, SourcePose | str]:
-    """Return the poses under the names of the pictures, where these differ by the case of letters only."""
+    """Return the poses under the names of the pictures, where these differ by letter case or normal form only."""
     names = {name for path in paths for name in (path.name, path.stem)}
-    folded = {name.casefold(): name for name in sorted(names)}
-    renamed = {folded.get(name.casefold(), name): pose for name, pose in poses.items() if name not in names}
+    folded = {normal_form(name.casefold()): name for name in sorted(names)}
+    renamed = {
+        folded.get(normal_form(name.casefold()), name): pose for name, pose in poses.items() if name not in names
+    }
     return renamed | {name: pose for name, pose in poses.items() if name in names}
 
 
@@ -228,18 +222,21 @@ def _find_entry(sources: Mapping[str, SourcePose | str], path: Path) -> SourcePo
     return sources.get(path.name) or sources.get(path.stem)
 
 
-def _stated_pose(sources: Mapping[str, SourcePose | str], path: Path) -> SourcePose | None:
-    """Return the pose of a picture in the poses file; None without a heading, ValueError for a broken entry."""
-    found = _find_entry(sources, path)
-    if isinstance(found, str):
-        raise ValueError(found)
-    return found if found and found.heading is not None else None
+def _mixed_source_reasons(origins: Mapping[str, str], *, has_file: bool) -> list[str]:
+    """Return the reason of a remark on a pose of several sources; a place of EXIF beside angles of XMP is usual."""
+    fields: dict[str, list[str]] = {}
+    for key in ("x", "heading", "pitch", "roll") if has_file else ("heading", "pitch", "roll"):
+        if key in origins:
+            fields.setdefault(origins[key], []).append("place" if key == "x" else key)
+    parts = [f"{', '.join(keys)} from {origin}" for origin, keys in fields.items()]
+    return [f"panoramas posed by several sources: {'; '.join(parts)}"] if len(parts) > 1 else []
 
 
-def _missing_pose_reason(source: SourcePose | None, poses: Path | None, entry: SourcePose | str | None) -> str:
-    if poses is not None and isinstance(entry, SourcePose):
-        return f"{poses.name} states its place but no heading; add its heading there, or remove it"
-    lacking = "no pose" if source is None else "a place but no heading"
+def _missing_pose_reason(source: SourcePose, poses: Path | None, entry: SourcePose | None) -> str:
+    if poses is not None and entry is not None:
+        present, lacking = ("no place", "place") if source.x is None else ("its place but no heading", "heading")
+        return f"{poses.name} states {present}; add its {lacking} there, or remove it"
+    lacking = "no pose" if source.x is None else "a place but no heading"
     return f"{lacking}; give its pose in {poses.name if poses else 'a poses file'}, or remove it"
 
 
@@ -279,24 +276,35 @@ def project_pose(
 
     if problem := find_implausible_value(source):
         raise ValueError(f"{problem}; mend its pose")
-    origin = CRS.from_user_input(source.crs) if source.crs else crs
-    if source.crs not in transformers:
-        transformers[source.crs] = Transformer.from_crs(origin, crs, always_xy=True)
+    if source.x is None or source.y is None:
+        raise ValueError("has no place; add it to its pose")
+    for name in (source.crs, LONLAT):
+        if name not in transformers:
+            transformers[name] = Transformer.from_crs(CRS.from_user_input(name) if name else crs, crs, always_xy=True)
     transformer = transformers[source.crs]
-    if origin.is_geographic and not is_on_earth(source.x, source.y):
+    if _is_geographic(source.crs, crs) and not is_on_earth(source.x, source.y):
         raise ValueError(f"no place on earth is at longitude {source.x:g}, latitude {source.y:g}; mend its pose")
+    x, y = transformer.transform(source.x, source.y)
+    place, north_crs = (source.x, source.y), source.crs
+    if source.has_true_heading and not _is_geographic(source.crs, crs):
+        place, north_crs = transformers[LONLAT].transform(x, y, direction="INVERSE"), LONLAT
     step = 100.0
-    if origin.is_geographic:
-        step = -1e-3 if source.y > 0 else 1e-3  # towards the equator, so that no pole is crossed
-    x, y = transformer.transform(source.x, source.y)
-    heading = ((source.heading or 0.0) + _source_north(source, transformer, step, crs)) % 360.0
-    return Pose(float(x), float(y), source.z, heading, source.pitch, source.roll, view)
+    if _is_geographic(north_crs, crs):
+        step = -1e-3 if place[1] > 0 else 1e-3  # towards the equator, so that no pole is crossed
+    heading = ((source.heading or 0.0) + _source_north(place, transformers[north_crs], step, crs)) % 360.0
+    return Pose(float(x), float(y), source.z, heading, source.pitch or 0.0, source.roll or 0.0, view)
 
 
-def _source_north(source: SourcePose, transformer: Transformer, step: float, crs: CRS) -> float:
-    """Return the direction in the frame, degrees clockwise from up, of a step north in the system of the source."""
-    x, y = transformer.transform(source.x, source.y)
-    x_off, y_off = transformer.transform(source.x, source.y + step)
+def _is_geographic(name: str | None, crs: CRS) -> bool:
+    from pyproj import CRS
+
+    return bool((CRS.from_user_input(name) if name else crs).is_geographic)
+
+
+def _source_north(place: tuple[float, float], transformer: Transformer, step: float, crs: CRS) -> float:
+    """Return the direction in the frame, degrees clockwise from up, of a step north from a place of another system."""
+    x, y = transformer.transform(*place)
+    x_off, y_off = transformer.transform(place[0], place[1] + step)
     across = math.cos(math.radians(y)) if crs.is_geographic else 1.0  # a degree of longitude over one of latitude
     east, up = (x_off - x) * across, y_off - y
     return math.degrees(math.atan2(east * step, up * step)) if math.isfinite(x_off + y_off) else 0.0

@@ -36,6 +36,26 @@ _FORMATS = {
 }
 
 
+# Files and folders that systems and servers leave beside others; names that begin with a point are hidden.
+_SYSTEM_NAMES = frozenset(
+    (
+        "__macosx",
+        "thumbs.db",
+        "ehthumbs.db",
+        "desktop.ini",
+        "@eadir",
+        "#recycle",
+        "$recycle.bin",
+        "system volume information",
+    )
+)
+
+
+def is_system_file(name: str) -> bool:
+    """Return True for a file or folder that Finder, Windows or a NAS leaves beside others, or that is hidden."""
+    return name.startswith(".") or name.lower() in _SYSTEM_NAMES
+
+
 @cache
 def can_read_heif() -> bool:
     """Return True where the package that reads HEIC is installed."""
@@ -46,7 +66,7 @@ def is_picture_name(name: str) -> bool:
     """Return True for the name of a picture that is read, by its suffix; label maps and hidden files are none."""
     suffix = Path(name).suffix.lower()
     known = suffix in IMAGE_SUFFIXES or (suffix in HEIF_SUFFIXES and can_read_heif())
-    return known and not name.startswith(".") and not name.endswith(LABEL_MAP_SUFFIX)
+    return known and not is_system_file(name) and not name.endswith(LABEL_MAP_SUFFIX)
 
 
 def is_heif(start: bytes) -> bool:
@@ -57,7 +77,7 @@ def is_heif(start: bytes) -> bool:
 def unread_reason(path: Path) -> str | None:
     """Return the reason and the remedy for a file of a folder of pictures that is not read; None for its companions."""
     name, suffix = path.name, path.suffix.lower()
-    if name.startswith(".") or name.endswith(LABEL_MAP_SUFFIX) or is_picture_name(name):
+    if is_system_file(name) or name.endswith(LABEL_MAP_SUFFIX) or is_picture_name(name):
         return None
     if path.is_dir():
         return _unread_folder_reason(path)

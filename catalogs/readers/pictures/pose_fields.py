@@ -188,7 +188,7 @@ def find_unread_days(file: str, records: Iterable[JsonObject]) -> tuple[Remark, 
     )
 
 
-def find_empty_fields(file: str, records: Mapping[str, JsonObject]) -> dict[str, tuple[str, ...]]:
+def find_empty_fields(file: str, records: Mapping[str, JsonObject]) -> dict[str, tuple[tuple[str, str], ...]]:
     """Return the substitute values of fields that only some records state, by record.
 
     Parameters
@@ -198,9 +198,9 @@ def find_empty_fields(file: str, records: Mapping[str, JsonObject]) -> dict[str,
 
     Returns
     -------
-    Name of a record -> reasons that group panoramas.
+    Name of a record -> fields, and reasons that group panoramas.
     """
-    found: dict[str, tuple[str, ...]] = {}
+    found: dict[str, tuple[tuple[str, str], ...]] = {}
     for key in ("heading", *_DEFAULTS):
         stated = {name: find_field(record, key) for name, record in records.items()}
         plain = {name: field_name(one) for name, one in stated.items() if one is not None}
@@ -217,7 +217,8 @@ def find_empty_fields(file: str, records: Mapping[str, JsonObject]) -> dict[str,
                 substitute = _DEFAULTS[key]
             else:
                 continue
-            found[name] = (*found.get(name, ()), f"panoramas whose {first} is empty in {file}, {substitute}")
+            reason = f"panoramas whose {first} is empty in {file}, {substitute}"
+            found[name] = (*found.get(name, ()), (key, reason))
     return found
 
 

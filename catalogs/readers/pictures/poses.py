@@ -107,7 +107,9 @@ def _read_text(path: Path) -> str:
         raise InputError(f"{path} is not UTF-8 text; save it again as UTF-8: {_FORMAT_HINT}") from error
 
 
-def _read_pose(file: str, name: str, record: PoseRecord, crs: str | None, remarks: tuple[str, ...]) -> SourcePose | str:
+def _read_pose(
+    file: str, name: str, record: PoseRecord, crs: str | None, remarks: tuple[tuple[str, str], ...]
+) -> SourcePose | str:
     """Return the pose of a record, or the defect for which it cannot be used."""
     try:
         if isinstance(record, Exception):
@@ -122,7 +124,8 @@ def _note_tilts(file: str, poses: Mapping[str, SourcePose | str]) -> list[Remark
     return [
         Remark(name, _TILT_REASON.format(file=file), None)
         for name, pose in poses.items()
-        if isinstance(pose, SourcePose) and max(abs(pose.pitch), abs(pose.roll)) > PICTURES.max_panorama_tilt_deg
+        if isinstance(pose, SourcePose)
+        and max(abs(pose.pitch or 0.0), abs(pose.roll or 0.0)) > PICTURES.max_panorama_tilt_deg
     ]
 
 
@@ -143,25 +146,30 @@ def _parse_pose(record: JsonObject, crs: str | None) -> SourcePose:
         y,
         value["z"],
         heading,
-        value["pitch"] or 0.0,
-        value["roll"] or 0.0,
+        value["pitch"],
+        value["roll"],
         parse_capture_day(record[taken] if (taken := find_field(record, "captured")) else None),
     )
 
 
 def _place(
     value: Mapping[str, float | None], gps: Mapping[str, TagValue], crs: str | None
-) -> tuple[str | None, float, float]:
-    """Return frame, x and y: longitude and latitude of fields, else of EXIF's tags, else x and y in `crs`."""
+) -> tuple[str | None, float | None, float | None]:
+    """Return frame, x and y: longitude and latitude of fields, else of EXIF's tags, else x and y in `crs`.
+
+    A record of angles alone counts them from true north.
+    """
     lon, lat, x, y = (value[key] for key in ("lon", "lat", "x", "y"))
     if lon is not None and lat is not None:
         return LONLAT, lon, lat
     if "GPSLongitude" in gps and "GPSLatitude" in gps:
         lon = degrees_from_dms(gps["GPSLongitude"], gps.get("GPSLongitudeRef"))
         return LONLAT, lon, degrees_from_dms(gps["GPSLatitude"], gps.get("GPSLatitudeRef"))
-    if x is None or y is None:
+    if x is not None and y is not None:
+        return crs, x, y
+    if any(value[key] is not None for key in ("x", "y", "lon", "lat")) or value["heading"] is value["pitch"] is None:
         raise ValueError("neither x and y nor lon and lat are given")
-    return crs, x, y
+    return LONLAT, None, None
 
 
 def _check_crs(path: Path, crs: object) -> str | None:

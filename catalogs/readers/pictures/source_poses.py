@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from datetime import date
 from typing import TYPE_CHECKING, SupportsFloat, TypeAlias
 
+from catalogs.crs import LONLAT
 from catalogs.printable_text import short_repr
 from facade_core.core.json_types import JsonObject
 
@@ -21,30 +23,59 @@ TagValue: TypeAlias = str | bytes | SupportsFloat | tuple[SupportsFloat, ...]
 
 @dataclass(frozen=True, slots=True)
 class SourcePose:
-    """Camera pose in the coordinate system of its source.
+    """Camera pose in the coordinate system of its source; a field that the source does not state is None.
 
     Attributes
     ----------
     crs : of x and y; None for the frame of the block.
     x : east, or longitude.
     y : north, or latitude.
-    z : metres, None where it is unknown.
-    heading : degrees clockwise from true north for a geographic crs, else from its grid north; None where it is unknown.
+    z : metres.
+    heading : degrees clockwise from true north for a geographic crs, else from its grid north.
     pitch : degrees up.
     roll : degrees clockwise.
-    captured : date as "2024-05-17", or None.
-    remarks : reasons of remarks on it, such as what stands in place of an empty field.
+    captured : date as "2024-05-17".
+    has_true_heading : True for a heading from true north in any crs.
+    remarks : fields, and reasons of remarks on them, such as what stands in place of an empty one.
     """
 
     crs: str | None
-    x: float
-    y: float
+    x: float | None
+    y: float | None
     z: float | None = None
     heading: float | None = None
-    pitch: float = 0.0
-    roll: float = 0.0
+    pitch: float | None = None
+    roll: float | None = None
     captured: str | None = None
-    remarks: tuple[str, ...] = field(default=(), compare=False)
+    has_true_heading: bool = False
+    remarks: tuple[tuple[str, str], ...] = field(default=(), compare=False)
+
+
+def assemble_pose(sources: Mapping[str, SourcePose]) -> tuple[SourcePose, dict[str, str]]:
+    """Return a pose with each field from the first source that states it, and that source by field.
+
+    Parameters
+    ----------
+    sources : pose by the name of its source, the best one first.
+    """
+    chosen = {
+        key: name
+        for key in ("x", "z", "heading", "pitch", "roll", "captured")
+        for name, pose in reversed([*sources.items()])
+        if getattr(pose, key) is not None
+    }
+    value = {key: getattr(sources[name], key) for key, name in chosen.items()}
+    place = sources.get(chosen.get("x", ""), SourcePose(LONLAT, None, None))
+    heading = sources.get(chosen.get("heading", ""), place)
+    remarks = tuple(
+        (key, reason) for name, pose in sources.items() for key, reason in pose.remarks if chosen.get(key, name) == name
+    )
+    return replace(
+        place,
+        **value,
+        has_true_heading=heading.has_true_heading or (heading.crs == LONLAT != place.crs),
+        remarks=remarks,
+    ), chosen
 
 
 def find_implausible_value(pose: SourcePose) -> str | None:

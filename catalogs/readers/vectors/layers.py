@@ -14,7 +14,8 @@ import numpy as np
 import shapely
 
 from catalogs.crs import LONLAT, metres_per_height_unit
-from catalogs.features import Remark
+from catalogs.features import Remark, natural_sort_key
+from catalogs.printable_text import normal_form
 from catalogs.reader_errors import wrap_reader_errors
 from catalogs.readers import gdal_files
 from catalogs.readers.gdal_files import check_vector_file
@@ -32,7 +33,7 @@ from catalogs.readers.vectors.height_units import column_units
 from catalogs.readers.vectors.ids import assign_ids
 from catalogs.readers.vectors.shapefile_tables import check_shapefile_table
 from catalogs.readers.vectors.shapefile_text import RAW_ENCODING, decode_field_names, decode_shapefile_table
-from catalogs.readers.vectors.solids import convert_surface_wkb
+from catalogs.readers.vectors.solids import build_solid, convert_surface_wkb
 from facade_core.core.arrays import ObjectArray
 from facade_core.core.errors import InputError
 
@@ -84,7 +85,8 @@ def read_layer_features(
 ) -> LayerFeatures:
     """Read the features of one kind from a vector file.
 
-    Of several layers one of that kind is read, preferably with a hint in its name. The crs is None where the file states none,
+    Of several layers the stated one is read, else one of that kind: of outlines the last by name that holds solids, else
+    preferably one with a hint in its name. The crs is None where the file states none,
     or degrees that its coordinates cannot be. z and lengths are in metres, by the unit of the frame where none is stated.
 
     Parameters
@@ -104,7 +106,7 @@ def read_layer_features(
         if path.suffix.lower() in _PARQUET_SUFFIXES:
             layer, others = path.stem, list[str]()
         else:
-            layer, others = _choose_layer(path, kind, name_hints)
+            layer, others = _choose_layer(path, kind, name_hints, keys.layer)
         found = _read_table(path, layer, others, keys, with_numbers=kind == "outlines")
     types = {geometry.geom_type for geometry in found.geometries if geometry is not None} - {"GeometryCollection"}
     if types and not any(_is_of_kind(one, kind) for one in types):
@@ -221,16 +223,34 @@ def _is_of_kind(geometry_type: str, kind: str) -> bool:
     return any(known in geometry_type for known in _GEOMETRY_TYPES[kind])
 
 
-def _choose_layer(path: Path, kind: str, name_hints: Sequence[str]) -> tuple[str, list[str]]:
+def _choose_layer(path: Path, kind: str, name_hints: Sequence[str], stated: str | None) -> tuple[str, list[str]]:
+    """Return the layer to read, and the others."""
     listed = _list_drawn_layers(path)
     fitting = [name for name, found in listed.items() if _is_of_kind(found, kind)]
     fitting = fitting or [name for name, found in listed.items() if found in ("Unknown", "GeometryCollection")]
-    if not fitting:
+    if stated is not None:
+        chosen = next((name for name in listed if normal_form(name) == normal_form(stated)), None)
+        if chosen is None:
+            raise InputError(f"{path} has no layer {stated}; it has {', '.join(listed) or 'none'}")
+    elif fitting:
+        chosen = min(fitting, key=lambda name: not any(word in name.lower() for word in name_hints))
+        if kind == "outlines" and len(fitting) > 1:
+            solids = [name for name in fitting if _holds_solids(path, name)]
+            chosen = max(solids, key=natural_sort_key, default=chosen)
+    else:
         others = ", ".join(f"{name} ({found})" for name, found in listed.items()) or "no layer with geometry"
         raise InputError(f"{path} holds no {kind} but {others}; give a file with {kind}")
-    chosen = min(fitting, key=lambda name: not any(word in name.lower() for word in name_hints))
     del listed[chosen]
     return chosen, list(listed)
+
+
+def _holds_solids(path: Path, layer: str) -> bool:
+    """Return True where a layer begins with a solid; one that cannot be read holds none."""
+    frame = gdal_files.read_dataframe(path, layer=layer, columns=[], max_features=1, on_invalid="ignore")
+    if frame.geometry.isna().any():
+        frame = _restore_surfaces(frame, path, layer)
+    is_lonlat = frame.crs is not None and frame.crs.is_geographic
+    return any(one is not None and build_solid(one, is_lonlat=is_lonlat) is not None for one in frame.geometry)
 
 
 def _read_layer(path: Path, layer: str, with_numbers: bool) -> tuple[GeoDataFrame, dict[str, str]]:
@@ -265,7 +285,7 @@ def _read_layer(path: Path, layer: str, with_numbers: bool) -> tuple[GeoDataFram
 def _restore_surfaces(frame: GeoDataFrame, path: Path, layer: str) -> GeoDataFrame:
     """Return the table with PolyhedralSurfaces and TINs, which GEOS does not read, as MultiPolygons."""
     missing = frame.geometry.isna().to_numpy()
-    stored = gdal_files.read_raw(path, layer=layer, columns=[])[2]
+    stored = gdal_files.read_raw(path, layer=layer, columns=[], max_features=len(frame))[2]
     geometries = frame.geometry.to_numpy().copy()
     for row in np.flatnonzero(missing).tolist():
         if stored[row] is not None and (wkb := convert_surface_wkb(stored[row])) is not None:

@@ -8,21 +8,21 @@ from __future__ import annotations
 import ast
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Container, Iterator, Mapping
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 from catalogs.crs import LONLAT
 from catalogs.features import CentrelinesAndGround, Fault, Footprint, Footprints, GroundFeature, Remark
-from catalogs.reader_errors import fault_reason, wrap_reader_errors
+from catalogs.reader_errors import fault_reason
 from catalogs.readers.settings import VECTORS
 from catalogs.readers.vectors.centrelines import build_centrelines, finite_points, is_building_passage
 from catalogs.readers.vectors.colours import parse_building_finish
 from catalogs.readers.vectors.lengths import is_unknown_code, parse_floor_count, parse_length
+from catalogs.readers.vectors.osm_extracts import IncompleteFeatures, find_incomplete_features, open_osm_extract
 from catalogs.readers.vectors.roofs import is_known_roof_shape, parse_roof, parse_roof_height, parse_roof_shape
-from facade_core.core.errors import InputError
-from facade_core.core.regular_files import open_regular
 from facade_core.core.types import Roof
 
 if TYPE_CHECKING:
@@ -47,6 +47,8 @@ STREET_HIGHWAYS = frozenset(
 )
 OPEN_ROOF_VALUES = frozenset(("roof", "carport"))
 _TRUE_WORDS = frozenset(("yes", "true", "1", "t", "y"))
+# id, geometry and tags of a feature
+_TaggedGeometry: TypeAlias = "tuple[str, BaseGeometry, dict[str, str]]"
 
 
 def read_osm_footprints(path: Path, lod: str | None = None) -> Footprints:
@@ -69,7 +71,9 @@ def read_osm_footprints(path: Path, lod: str | None = None) -> Footprints:
     items = []
     faults = []
     seen = set()
-    for feature, geometry, tags in _read_features(path, lambda osm: osm.get_buildings(), _query_parts):
+    layers, incomplete = _read_layers(path, lambda osm: osm.get_buildings(), _query_parts)
+    remarks += _note_incomplete(path, incomplete, ("building", "building:part"))
+    for feature, geometry, tags in chain.from_iterable(layers):
         if tags.get("building") == "no" or feature in seen:
             continue
         seen.add(feature)
@@ -202,10 +206,16 @@ def read_osm_centrelines(path: Path) -> CentrelinesAndGround:
     InputError
         Where the file is no readable .pbf.
     """
+    keep = {"filter_type": "keep", "keep_nodes": True, "keep_ways": True, "keep_relations": True}
+    (ways, areas), incomplete = _read_layers(
+        path,
+        lambda osm: osm.get_network("all"),
+        lambda osm: osm.get_data_by_custom_criteria(custom_filter=_GROUND_FILTER, **keep),
+    )
     ground: list[GroundFeature] = []
 
     def streets() -> Iterator[tuple[str, BaseGeometry, str | None, Mapping[str, str]]]:
-        for feature, geometry, tags in _read_features(path, lambda osm: osm.get_network("all")):
+        for feature, geometry, tags in ways:
             ground.append(GroundFeature(feature, geometry, tags))
             for line in getattr(geometry, "geoms", [geometry]):
                 if line is None or line.is_empty or not is_street(line, tags):
@@ -214,13 +224,11 @@ def read_osm_centrelines(path: Path) -> CentrelinesAndGround:
 
     found = build_centrelines(LONLAT, streets())
     known = {feature.id for feature in ground}
-    keep = {"filter_type": "keep", "keep_nodes": True, "keep_ways": True, "keep_relations": True}
-    for feature, geometry, tags in _read_features(
-        path, lambda osm: osm.get_data_by_custom_criteria(custom_filter=_GROUND_FILTER, **keep)
-    ):
+    for feature, geometry, tags in areas:
         if feature not in known or "Polygon" in geometry.geom_type:
             ground.append(GroundFeature(feature, geometry, tags))
-    return replace(found, ground=tuple(ground))
+    remarks = (*found.remarks, *_note_incomplete(path, incomplete, _GROUND_FILTER))
+    return replace(found, ground=tuple(ground), remarks=remarks)
 
 
 def is_street(line: BaseGeometry, tags: Mapping[str, str]) -> bool:
@@ -244,24 +252,40 @@ def split_osmnx_values(text: str) -> list[str]:
     return [text]
 
 
-def _read_features(
+def _read_layers(
     path: Path, *layers: Callable[[OSM], GeoDataFrame | None]
-) -> Iterator[tuple[str, BaseGeometry, dict[str, str]]]:
-    """Yield (id, geometry, tags) of each feature of some layers: way/12 -> w12, relation/12 -> r12."""
-    with open_regular(path) as file:
-        if b"OSMHeader" not in file.read(64):
-            raise InputError(f"{path} is not an OSM .pbf file; export the area again as .osm.pbf")
+) -> tuple[list[Iterator[_TaggedGeometry]], IncompleteFeatures]:
+    """Return (id, geometry, tags) of the features of each layer, way/12 as w12 and relation/12 as r12, and the others.
+
+    Features of which nodes or ways are absent are left out.
+    """
     from pyrosm import OSM
 
-    with wrap_reader_errors(path, "cannot be read as OSM .pbf", "download it again"):
-        osm = OSM(str(path), progress=False)
+    with open_osm_extract(path) as readable:
+        incomplete = find_incomplete_features(path, readable)
+        osm = OSM(readable, progress=False)
         frames = [layer(osm) for layer in layers]
-    for frame in frames:
-        if frame is None:
-            continue
-        for record in frame.drop(columns="geometry").assign(geometry=list(frame.geometry)).to_dict("records"):
-            geometry = record.pop("geometry")
-            yield f"{str(record['osm_type'])[0]}{record['id']}", geometry, _record_tags(record)
+    return [_iterate_features(frame, incomplete.features) for frame in frames], incomplete
+
+
+def _iterate_features(frame: GeoDataFrame | None, left_out: Container[str]) -> Iterator[_TaggedGeometry]:
+    if frame is None:
+        return
+    for record in frame.drop(columns="geometry").assign(geometry=list(frame.geometry)).to_dict("records"):
+        geometry = record.pop("geometry")
+        feature = f"{str(record['osm_type'])[0]}{record['id']}"
+        if feature not in left_out:
+            yield feature, geometry, _record_tags(record)
+
+
+def _note_incomplete(path: Path, incomplete: IncompleteFeatures, keys: Collection[str]) -> list[Remark]:
+    """Return a remark on each feature with one of some tags that was left out."""
+    reason = f"features of which {path.name} lacks nodes or ways left out; {incomplete.remedy}"
+    return [
+        Remark(feature, reason, one.places)
+        for feature, one in incomplete.features.items()
+        if not one.tags.keys().isdisjoint(keys)
+    ]
 
 
 def _record_tags(record: dict[str, object]) -> dict[str, str]:

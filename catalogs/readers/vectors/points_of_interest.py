@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 
 from catalogs.reader_errors import is_system_error
+from catalogs.readers.vectors.osm_extracts import open_osm_extract
 from facade_core.core.arrays import Float64Array, ObjectArray
 
 # Amenities with shop windows; shop=* is included too.
@@ -31,9 +32,9 @@ def read_shops_and_entrances(path: Path) -> ShopsAndEntrances | None:
 
     wanted = {"shop": True, "amenity": list(SHOP_AMENITIES), "entrance": True}
     try:
-        frame = OSM(str(path), progress=False).get_data_by_custom_criteria(
-            wanted, keep_ways=False, keep_relations=False
-        )
+        with open_osm_extract(path) as readable:
+            osm = OSM(readable, progress=False)
+            frame = osm.get_data_by_custom_criteria(wanted, keep_ways=False, keep_relations=False)
     except Exception as error:  # pyrosm raises errors of zlib, struct, protobuf and its own
         if is_system_error(error):
             raise

@@ -104,3 +104,7 @@ def test_a_block_file_names_both_rasters(tmp_path: Path) -> None:
     tops = {one.id: one.height + (one.roof.height if one.roof else 0.0) for one in block.buildings}
     assert max(tops.values()) == pytest.approx(30.0, abs=0.5)
     assert "heights of 3 buildings measured on dsm.tif instead of assumed" in block.notes
+    assumed = [one.height_source for one in block.buildings].count("default")
+    assert [note.split(" buildings")[0] for note in block.notes if "state no height" in note] == (
+        [f"{assumed} of {len(block.buildings)}"] if assumed else []
+    )

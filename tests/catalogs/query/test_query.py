@@ -387,3 +387,11 @@ def test_of_several_conditions_each_is_one_by_itself(out: Path) -> None:
     ):
         with pytest.raises(InputError, match=words):
             combine_conditions(["floors >= 1", broken])
+
+
+def test_a_box_in_metres_is_refused(out: Path) -> None:
+    done = CliRunner().invoke(command_line, ["query", str(out), "--bbox", "385000", "6671000", "385100", "6671100"])
+    assert done.exit_code == 2
+    assert done.stderr.splitlines() == [
+        "streetloom: --bbox: 385000 6671000 385100 6671100; longitude and latitude in degrees are needed"
+    ]

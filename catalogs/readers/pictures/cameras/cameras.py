@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
+from itertools import takewhile
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from pyproj import CRS, Transformer
 
 from catalogs.crs import EARTH_RADIUS_M, LONLAT, has_east_north_axes, parse_crs
 from catalogs.features import Fault, Remark
+from catalogs.printable_text import normal_form
 from catalogs.reader_errors import to_single_line, wrap_reader_errors
 from catalogs.readers.json_text import parse_json
 from catalogs.readers.pictures.camera_angles import camera_angles
@@ -26,7 +29,7 @@ from catalogs.readers.pictures.cameras.placement import Placement, place_by_cont
 from catalogs.readers.pictures.cameras.upright import upright_camera
 from catalogs.readers.pictures.capture_dates import exif_capture_date
 from catalogs.readers.pictures.decoding import open_picture
-from catalogs.readers.pictures.embedded_poses import embedded_pose, read_exif_gps
+from catalogs.readers.pictures.embedded_poses import read_exif_gps, stated_poses
 from catalogs.readers.pictures.folders import list_images
 from catalogs.readers.pictures.panoramas import (
     PosedPanorama,
@@ -36,6 +39,7 @@ from catalogs.readers.pictures.panoramas import (
     outdated_remarks,
     panorama_fault,
 )
+from catalogs.readers.pictures.picture_kinds import is_picture_name
 from catalogs.readers.pictures.source_poses import degrees_from_dms
 from catalogs.readers.settings import CAMERAS
 from facade_core.core.arrays import Float64Array
@@ -44,6 +48,7 @@ from facade_core.core.json_types import JsonObject, JsonValue
 from facade_core.core.regular_files import read_regular
 from facade_core.core.types import Pose
 
+T = TypeVar("T")
 _ORIENTATION_TAG = 0x0112
 _NO_CAMERA = "has no camera in"
 _FORMATS = (
@@ -92,7 +97,7 @@ def read_cameras(
     InputError
         Where no picture has a camera, the file is none, or it cannot be placed.
     """
-    paths, unreadable = list_images(folder, "panorama")
+    paths, unreadable = list_images(folder, "panorama", with_subfolders=True)
     file = _read_camera_file(poses, _check_crs(crs))
     faults = list(unreadable)
     matched, unmatched = _match(file, paths, faults)
@@ -118,12 +123,13 @@ def read_cameras(
         remarks.append(Remark(file.name, note, None))
     posed = {path: _block_pose(camera, to_block, headers[path].size) for path, camera in cameras.items()}
     _check_upright(file.name, np.array([rotation for _, rotation in posed.values()]))
+    names = {path: normal_form("-".join(path.relative_to(folder).with_suffix("").parts)) for path in posed}
     items = []
     for path, (pose, _) in posed.items():
         if is_distant(pose, bounds):
-            remarks.append(Remark(path.stem, "cameras of another place skipped", None))
+            remarks.append(Remark(names[path], "cameras of another place skipped", None))
         else:
-            items.append(PosedPanorama(path.stem, path, pose, headers[path].captured))
+            items.append(PosedPanorama(names[path], path, pose, headers[path].captured))
     if not items and bounds:
         away = min(distance_outside(pose, bounds) for pose, _ in posed.values()) / 1000
         raise InputError(
@@ -162,31 +168,46 @@ def _reconstruction_parts(value: JsonValue) -> list[JsonObject]:
 
 
 def _match(file: CameraFile, paths: Sequence[Path], faults: list[Fault]) -> tuple[dict[Path, SourceCamera], list[str]]:
-    """Match pictures to cameras by name, or by name without suffix; returns also the cameras without a picture."""
-    by_name: dict[str, list[str]] = {}
-    for name in file.cameras:
-        by_name.setdefault(picture_name(name), []).append(name)
+    """Match pictures to cameras by the end of their paths, with or without suffix; returns also cameras without one."""
     by_stem: dict[str, list[str]] = {}
-    for name, stated in by_name.items():
-        by_stem.setdefault(Path(name).stem, []).extend(stated)
+    for name in file.cameras:
+        by_stem.setdefault(_path_parts(name)[-1], []).append(name)
+    names = {path: by_stem.get(_path_parts(str(path))[-1], []) for path in paths}
+    owners: dict[str, list[Path]] = {}
+    for path, found in names.items():
+        for name in found:
+            owners.setdefault(name, []).append(path)
+    closest = {name: _most_alike(owners[name], partial(_likeness, name=name)) for name in owners}
     matched: dict[Path, SourceCamera] = {}
-    used: set[str] = set()
-    stems: dict[str, Path] = {}
-    for path in paths:
-        first = stems.setdefault(path.stem, path)
-        if first != path:
-            faults.append(
-                Fault(path.name, "panorama", f"{path.name} and {first.name} have one name; rename or remove one")
-            )
-            continue
-        found = by_name.get(path.name) or by_stem.get(path.stem) or []
-        used.update(found)
-        camera = _choose_camera(file, found)
+    for path, found in names.items():
+        own = [name for name in _most_alike(found, partial(_likeness, path)) if path in closest[name]]
+        twin = next((other for name in own for other in closest[name] if other != path), None)
+        camera: SourceCamera | str = _choose_camera(file, own)
+        if twin is not None:
+            camera = f"{path.name} and {twin.name} have one name; rename or remove one"
         if isinstance(camera, str):
             faults.append(Fault(path.name, "panorama", camera))
         else:
             matched[path] = camera
-    return matched, [to_single_line(name[:80]) for name in file.cameras if name not in used]
+    return matched, [to_single_line(name[:80]) for name in file.cameras if name not in owners]
+
+
+def _most_alike(candidates: Sequence[T], likeness: Callable[[T], tuple[int, bool]]) -> list[T]:
+    best = max(map(likeness, candidates), default=None)
+    return [one for one in candidates if likeness(one) == best]
+
+
+def _likeness(path: Path, name: str) -> tuple[int, bool]:
+    """Return how many folders and names at the end a picture and a camera share, and whether their suffixes are equal."""
+    pairs = zip(_path_parts(str(path))[::-1], _path_parts(name)[::-1], strict=False)
+    shared = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
+    return shared, picture_name(normal_form(name)) == normal_form(path.name)
+
+
+def _path_parts(text: str) -> tuple[str, ...]:
+    """Return folders and name of a path of any machine, the name without suffix of a picture."""
+    *folders, name = normal_form(text).replace("\\", "/").split("/")
+    return (*folders, Path(name).stem if is_picture_name(name) else name)
 
 
 def _choose_camera(file: CameraFile, names: Sequence[str]) -> SourceCamera | str:
@@ -202,7 +223,7 @@ def _choose_camera(file: CameraFile, names: Sequence[str]) -> SourceCamera | str
 def _read_header(path: Path) -> _Header:
     with open_picture(path) as image:
         tags = read_exif_gps(image)
-        pose, _ = embedded_pose({}, tags)
+        place = stated_poses({}, tags)["EXIF"]
         try:
             orientation = int(image.getexif().get(_ORIENTATION_TAG, 1))
         except Exception:  # damaged EXIF means no rotation
@@ -214,7 +235,9 @@ def _read_header(path: Path) -> _Header:
         altitude = -altitude if below else altitude
     except (KeyError, TypeError, ValueError, ArithmeticError):
         altitude = math.nan
-    gps = None if pose is None else (pose.x, pose.y, altitude if abs(altitude) < 1e4 else math.nan)
+    gps = None
+    if place.x is not None and place.y is not None:
+        gps = (place.x, place.y, altitude if abs(altitude) < 1e4 else math.nan)
     return _Header(size, orientation if 1 <= orientation <= 8 else 1, gps, captured)
 
 

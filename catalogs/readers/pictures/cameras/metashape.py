@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from functools import partial
 from typing import TYPE_CHECKING, TypeAlias
@@ -70,31 +71,46 @@ def read_metashape(name: str, text: bytes) -> CameraFile:
 
 def _chunk_cameras(name: str, chunk: Element, frames: _Frames, remarks: list[Remark]) -> dict[str, SourceCamera | str]:
     """Return the cameras of a chunk with the frames of its components."""
-    lenses = {one.get("id"): _sensor_lens(one) for one in chunk.iter("sensor")}
+    sensors = {one.get("id"): one for one in chunk.iter("sensor")}
+    lenses = {id: _sensor_lens(one) for id, one in sensors.items()}
+    cameras = {one.get("id"): one for one in chunk.iter("camera")}
+    repeated = Counter(one.get("label") for one in cameras.values())
     found: dict[str, SourceCamera | str] = {}
-    for one in chunk.iter("camera"):
+    for one in cameras.values():
         label = one.get("label")
         if not label:
             continue
+        sensor = sensors.get(one.get("sensor_id"))
+        if repeated[label] > 1 and sensor is not None:  # pictures of a rig, in a folder for each sensor
+            label = f"{sensor.get('label')}/{label}"
         lens = lenses.get(one.get("sensor_id"), "its sensor is not listed")
-        if one.find("transform") is None:
+        leader = cameras.get(one.get("master_id"), one)
+        if leader.find("transform") is None:
             reason = _UNALIGNED_REASON
         elif one.get("enabled") in ("false", "0"):
             reason = _DISABLED_REASON
         elif lens is None:
             reason = _PANORAMA_REASON
         else:
-            found[label] = build_camera(name, label, lens, partial(_pose, one, frames))
+            found[label] = build_camera(name, label, lens, partial(_pose, one, leader, sensor, frames))
             continue
         remarks.append(Remark(to_single_line(label[:80]), reason.format(file=name), None))
     return found
 
 
-def _pose(camera: Element, frames: _Frames) -> tuple[Float64Array, Float64Array]:
-    component = camera.get("component_id") if len(frames) > 1 else None
+def _pose(
+    camera: Element, leader: Element, sensor: Element | None, frames: _Frames
+) -> tuple[Float64Array, Float64Array]:
+    """Return position and rotation of a camera, by that of the leader of its rig and the sensor's place beside it."""
+    component = leader.get("component_id") if len(frames) > 1 else None
     if component not in frames:
         raise ValueError("its component has no transform, so it has no place beside the others")
-    placed = frames[component][0] @ _numbers(camera.findtext("transform"), 16).reshape(4, 4)
+    placed = frames[component][0] @ _numbers(leader.findtext("transform"), 16).reshape(4, 4)
+    if leader is not camera and sensor is not None:
+        beside = np.eye(4)
+        beside[:3, :3] = _numbers(sensor.findtext("rotation") or "1 0 0 0 1 0 0 0 1", 9).reshape(3, 3)
+        beside[:3, 3] = _numbers(sensor.findtext("location") or "0 0 0", 3)
+        placed = placed @ beside
     scale = np.cbrt(abs(np.linalg.det(placed[:3, :3])))
     rotation = check_rotation(placed[:3, :3].T / max(float(scale), 1e-12))
     return check_position(placed[:3, 3]), rotation

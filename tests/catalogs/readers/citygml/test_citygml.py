@@ -694,3 +694,30 @@ def test_ingolstadt_samples(data: Path) -> None:
         assert (model.id, model.height) == (name, height)
         assert np.ptp(model.shell.vertices[:, 2]) == pytest.approx(height, abs=0.02)
         assert {"wall", "roof", "ground"} == set(counts(model))
+
+
+def part(inner: str) -> str:
+    return f"<bldg:consistsOfBuildingPart><bldg:BuildingPart>{inner}</bldg:BuildingPart></bldg:consistsOfBuildingPart>"
+
+
+def hull(x: float, y: float, width: float = 1.0) -> str:
+    """The box as a solid without semantics, so many times as wide."""
+    faces = [
+        [" ".join((str(float(c.split()[0]) * width), *c.split()[1:])) for c in corners] for corners in BOX.values()
+    ]
+    return solid(2, *(polygon(moved(corners, x, y, 400.0)) for corners in faces))
+
+
+def test_a_solid_around_its_parts_is_not_added_to_them(tmp_path: Path) -> None:
+    x, y = UTM["x"], UTM["y"]
+    parts = part(box(**UTM)) + part(box(**{**UTM, "x": x + 10}))
+    [model] = read_citygml(write(tmp_path, building(hull(x, y, 2.0) + parts))).items
+    assert areas(model)["roof"] == pytest.approx(160.0)
+    assert "unknown" not in areas(model)
+
+
+def test_a_main_body_keeps_its_annex(tmp_path: Path) -> None:
+    x, y = UTM["x"], UTM["y"]
+    inner = hull(x, y) + part(box(**{**UTM, "x": x + 11}))
+    [model] = read_citygml(write(tmp_path, building(inner))).items
+    assert volume(model) == pytest.approx(2 * 480.0)

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from catalogs.readers.pictures.cameras.camera_file import rotation_from_heading, rotation_from_omega_phi_kappa
 from catalogs.readers.pictures.cameras.cameras import read_cameras
 from catalogs.readers.pictures.cameras.colmap import read_colmap
+from catalogs.readers.pictures.cameras.metashape import read_metashape
 from catalogs.readers.pictures.panoramas import PosedPanoramas
 from facade_core.core.errors import InputError
 from facade_core.core.lens_projection import project_camera_rays
@@ -162,6 +163,29 @@ def test_metashape(tmp_path: Path, pictures: Path) -> None:
     assert [one.id for one in found.remarks if "did not align" in one.reason] == ["lost"]
 
 
+@pytest.mark.parametrize("label", ["s1", "0"])
+def test_metashape_places_the_cameras_of_a_rig(tmp_path: Path, pictures: Path, label: str) -> None:
+    """Slaves have the transform of their master times rotation and location of their sensor."""
+    path = write_metashape(tmp_path / "cameras.xml", {"0.jpg": POSES["0.jpg"]})
+    text = path.read_text()
+    sensor = text[text.index("<sensor ") : text.index("</sensors>")]
+    turned = Rotation.from_euler("y", 90, degrees=True).as_matrix().ravel()
+    beside = f"<rotation>{' '.join(map(repr, turned.tolist()))}</rotation><location>0.4 0 0</location></sensor>"
+    second = sensor.replace('id="0"', 'id="1" master_id="0" label="right"').replace("</sensor>", beside)
+    first = sensor.replace('id="0"', 'id="0" label="left"')
+    slave = f'<camera id="1" sensor_id="1" master_id="0" label="{label}"/></cameras>'
+    path.write_text(text.replace(sensor, first + second).replace("</cameras>", slave))
+    cameras = read_metashape(path.name, path.read_bytes()).cameras
+    names = ["left/0", "right/0"] if label == "0" else ["0", "s1"]
+    assert list(cameras) == names
+    one, other = (cameras[name] for name in names)
+    assert not isinstance(one, str)
+    assert not isinstance(other, str)
+    offset = one.rotation @ (other.centre - one.centre)
+    assert offset == pytest.approx([2.5 * 0.4, 0, 0], abs=1e-6)  # the chunk's scale is 2.5
+    assert one.rotation @ other.rotation.T == pytest.approx(turned.reshape(3, 3), abs=1e-9)
+
+
 def test_components_of_metashape_2(tmp_path: Path, pictures: Path) -> None:
     path = write_metashape(tmp_path / "cameras.xml", POSES, in_component=True)
     check(read(pictures, path))
@@ -252,6 +276,9 @@ def test_pictures_without_poses_and_the_reverse(tmp_path: Path, pictures: Path) 
     assert [one.id for one in found.remarks if "without a picture in pictures" in one.reason] == ["gone.jpg"]
     with pytest.raises(InputError, match=r"holds no picture with a camera in poses.csv: has no camera in poses.csv"):
         read(pictures, table(tmp_path / "poses.csv", {"other.jpg": POSES["2.jpg"]}, **CALIBRATION))
+
+
+RIG = (("left", "0.jpg"), ("left", "1.jpg"), ("right", "0.jpg"), ("right", "1.jpg"))
 
 
 def test_equal_names_of_two_folders_are_told(tmp_path: Path, pictures: Path) -> None:
@@ -408,3 +435,41 @@ def test_local_frames_come_from_the_same_cameras() -> None:
     np.testing.assert_allclose(
         rotation @ (local - centre), scale * camera_from_world(pose) @ (point - camera_position(pose))
     )
+
+
+def test_a_rig_has_a_camera_for_each_picture_of_a_name(tmp_path: Path) -> None:
+    poses = {f"{side}/{name}": POSES[f"{number}.jpg"] for number, (side, name) in enumerate(RIG)}
+    folder = tmp_path / "images"
+    for side, name in RIG:
+        (folder / side).mkdir(parents=True, exist_ok=True)
+        write_pictures(folder / side, [name])
+    (folder / "@eaDir").mkdir()
+    write_pictures(folder / "@eaDir", ["0.jpg"])
+    found = read(folder, write_colmap(tmp_path / "model", poses, SAME))
+    assert not found.faults
+    places = {one.id: (one.pose.x, one.pose.y) for one in found.items}
+    assert places == {
+        f"{side}-{Path(name).stem}": pytest.approx((POSES[f"{number}.jpg"].x, POSES[f"{number}.jpg"].y))
+        for number, (side, name) in enumerate(RIG)
+    }
+
+
+def test_a_folder_of_a_rig_has_its_own_cameras(tmp_path: Path) -> None:
+    poses = {f"{side}/{name}": POSES[f"{number}.jpg"] for number, (side, name) in enumerate(RIG)}
+    folder = tmp_path / "images/right"
+    folder.mkdir(parents=True)
+    write_pictures(folder, ["0.jpg", "1.jpg"])
+    found = read(folder, write_colmap(tmp_path / "model", poses, SAME))
+    assert [one.pose.x for one in found.items] == pytest.approx([POSES["2.jpg"].x, POSES["3.jpg"].x])
+
+
+def test_two_pictures_of_one_camera_are_named(tmp_path: Path) -> None:
+    folder = tmp_path / "images"
+    for side, name in RIG:
+        (folder / side).mkdir(parents=True, exist_ok=True)
+        write_pictures(folder / side, [name])
+    found = read(
+        folder, write_colmap(tmp_path / "model", {"0.jpg": POSES["0.jpg"], "left/1.jpg": POSES["1.jpg"]}, SAME)
+    )
+    assert [one.id for one in found.items] == ["left-1"]
+    assert len(found.faults) == 3

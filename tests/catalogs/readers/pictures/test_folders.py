@@ -164,3 +164,15 @@ def test_photo_mixed(data: Path) -> None:
     block = read_block(folder / "block.yaml")
     assert {"a-0", "b-1", "b-2"} <= set(block.photos)
     assert "a-1" in block.photos or any("a-1.HEIC is HEIC" in fault.reason for fault in block.faults)
+
+
+def test_files_of_systems_and_servers_are_passed_over(tmp_path: Path) -> None:
+    for folder in ("@eaDir", "__MACOSX", "#recycle", ".AppleDouble"):
+        (tmp_path / folder).mkdir()
+        save(tmp_path / folder / "a.jpg")
+    for name in ("Thumbs.db", "desktop.ini", ".DS_Store", "._a.jpg"):
+        (tmp_path / name).write_bytes(b"\0\5\x16\7")
+    path = save(tmp_path / "a.jpg")
+    assert list_images(tmp_path, "panorama") == ((path,), ())
+    assert list_images(tmp_path, "panorama", with_subfolders=True) == ((path,), ())
+    assert photos_by_facade(tmp_path) == ({"a": path}, ())

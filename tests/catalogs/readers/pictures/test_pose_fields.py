@@ -91,12 +91,12 @@ def test_a_cell_left_empty_is_named_with_what_stands_in_its_place(tmp_path: Path
     found = read(tmp_path, text)
     assert (pose(found, "a.jpg").heading, pose(found, "a.jpg").remarks) == (8.0, ())
     b = pose(found, "b.jpg")
-    assert (b.heading, b.z, b.pitch) == (9.0, None, 0.0)
-    assert b.remarks == (
+    assert (b.heading, b.z, b.pitch) == (9.0, None, None)
+    assert [reason for _, reason in b.remarks] == [
         "panoramas whose heading is empty in poses.csv, heading taken from yaw",
         "panoramas whose z is empty in poses.csv, height unknown",
         "panoramas whose pitch is empty in poses.csv, taken as 0",
-    )
+    ]
     assert pose(found, "c.jpg").heading is None  # its picture may state one
 
 

@@ -34,12 +34,12 @@ def centrelines(pbf: Path) -> CentrelinesAndGround:
 
 def test_real_buildings_have_outlines_and_what_is_tagged(footprints: Footprints) -> None:
     assert footprints.crs == "EPSG:4326"
-    assert len({f.id for f in footprints.items}) == len(footprints.items) == 607
-    assert sum(f.is_part for f in footprints.items) == 139
-    assert sum(f.starts_above_ground for f in footprints.items) == 84
+    assert len({f.id for f in footprints.items}) == len(footprints.items) == 559
+    assert sum(f.is_part for f in footprints.items) == 133
+    assert sum(f.starts_above_ground for f in footprints.items) == 82
     whole = [f for f in footprints.items if not f.is_part and not f.starts_above_ground]
-    assert sum(f.height is not None for f in whole) == 12
-    assert sum(f.levels is not None for f in whole) == 156
+    assert sum(f.height is not None for f in whole) == 11
+    assert sum(f.levels is not None for f in whole) == 142
     assert Counter(f.roof.shape for f in whole if f.roof) == {
         "gabled": 5,
         "gambrel": 1,
@@ -47,10 +47,11 @@ def test_real_buildings_have_outlines_and_what_is_tagged(footprints: Footprints)
         "flat": 1,
     }
     assert Counter(remark.reason for remark in footprints.remarks) == {
+        "features of which Helsinki.osm.pbf lacks nodes or ways left out; cut it out again with osmium extract -s smart": 60,
         "roofs without walls set aside": 11,
     }
     buildings = assemble_buildings([footprints], UTM, area=None, floor_height=3.2).items
-    assert len(buildings) == 580
+    assert len(buildings) == 550
     assert len({b.part_of for b in buildings if b.part_of}) == 49
     assert min(b.footprint.area for b in buildings if not b.part_of) >= SITES.min_footprint_m2
     assert sum(len(b.footprint.interiors) > 0 for b in buildings) > 50, "courtyards stay"
@@ -62,10 +63,10 @@ def test_real_streets_are_merged_without_loss(centrelines: CentrelinesAndGround)
     pieces = [replace(piece, name=piece.id) for piece in centrelines.items]
     unmerged = build_block_streets(CentrelinesAndGround(centrelines.crs, tuple(pieces)), UTM, area=None)[0]
     assert len(centrelines.items) > 700
-    assert len(streets) == 110
+    assert len(streets) == 103
     assert [piece.id for piece in centrelines.items if piece.passage] == ["w22512953", "w34918425", "w224479204"]
     length = sum(s.line.length for s in streets)
-    assert length == pytest.approx(22_200, abs=150)
+    assert length == pytest.approx(21_560, abs=10)
     assert length == pytest.approx(sum(s.line.length for s in unmerged), abs=5)
     assert max(streets, key=lambda s: s.line.length).name == "Unioninkatu"
     assert all(s.line.is_simple and s.line.is_valid for s in streets)

@@ -18,6 +18,7 @@ import shapely
 from shapely import LineString, MultiLineString, Point, Polygon
 
 from catalogs.readers.formats import read_buildings
+from catalogs.readers.source_keys import SourceKeys
 from catalogs.readers.vectors import osm
 from catalogs.readers.vectors.vector_files import read_vector_centrelines, read_vector_footprints
 from facade_core.core.errors import InputError
@@ -379,11 +380,11 @@ def test_helsinki_as_geopackage_and_as_pbf(data: Path) -> None:
         osm.read_osm_footprints(city / "Helsinki.osm.pbf"),
     )
     one, two = ({f.id: f for f in source.items} for source in (package, extract))
-    # the package has no parts and no column of min_height, keeps outlines that pyrosm does not build, and lacks one
+    # the package has no parts and no column of min_height, keeps outlines that the extract cuts
     assert len(one) == 478
-    assert len(two) == 607
-    assert {id for id in two.keys() - one.keys() if not two[id].is_part} == {"r6077"}
-    assert len(one.keys() - two.keys()) == 4
+    assert len(two) == 559
+    assert not {id for id in two.keys() - one.keys() if not two[id].is_part}
+    assert len(one.keys() - two.keys()) == 45
     shared = one.keys() & two.keys()
     assert all(one[id].height == two[id].height or two[id].roof for id in shared)
     assert all(one[id].name == two[id].name for id in shared)
@@ -392,8 +393,8 @@ def test_helsinki_as_geopackage_and_as_pbf(data: Path) -> None:
     ids = {f"w{piece.id}" for piece in streets.items}, {piece.id for piece in ways.items}
     # the package has no links between carriageways and no column that tells tunnels
     assert len(ids[1] - ids[0]) == 9
-    assert len(ids[0] - ids[1]) == 5
-    assert len(ids[0] & ids[1]) == 731
+    assert len(ids[0] - ids[1]) == 21
+    assert len(ids[0] & ids[1]) == 715
 
 
 def test_opendrive_outside_junctions(data: Path) -> None:
@@ -531,3 +532,35 @@ def test_other_json_of_maps_is_named(tmp_path: Path, key: str, name: str) -> Non
     (tmp_path / "b.json").write_text(json.dumps({key: [], "features": []}))
     with pytest.raises(InputError, match=f"it is .*{name}"):
         read_buildings(tmp_path / "b.json")
+
+
+def write_layers(path: Path) -> Path:
+    """A GeoPackage of outlines without heights and of solids of 9 m, each in a layer of its own."""
+    import geopandas
+    from shapely import MultiPolygon, Polygon
+
+    ring = [(0.0, 0.0), (12.0, 0.0), (12.0, 6.0), (0.0, 6.0)]
+    faces = [Polygon([(x, y, z) for x, y in ring]) for z in (0.0, 9.0)]
+    for (x0, y0), (x1, y1) in zip(ring, [*ring[1:], ring[0]], strict=True):
+        faces.append(Polygon([(x0, y0, 0.0), (x1, y1, 0.0), (x1, y1, 9.0), (x0, y0, 9.0)]))
+    for layer, geometry in (
+        ("pand", Polygon(ring)),
+        ("lod12_3d", MultiPolygon(faces)),
+        ("lod22_3d", MultiPolygon(faces)),
+    ):
+        frame = geopandas.GeoDataFrame({"id": ["a"]}, geometry=[geometry], crs="EPSG:28992")
+        frame.to_file(path, layer=layer, driver="GPKG")
+    return path
+
+
+def test_solids_are_read_before_outlines_and_the_others_are_named(tmp_path: Path) -> None:
+    found = read_vector_footprints(write_layers(tmp_path / "a.gpkg"))
+    assert found.items[0].shell is not None
+    assert "lod22_3d, not pand, lod12_3d" in [remark.id for remark in found.remarks]
+
+
+def test_a_key_chooses_the_layer(tmp_path: Path) -> None:
+    path = write_layers(tmp_path / "a.gpkg")
+    assert read_vector_footprints(path, keys=SourceKeys(layer="pand")).items[0].shell is None
+    with pytest.raises(InputError, match="has no layer lod13; it has pand, lod12_3d, lod22_3d"):
+        read_vector_footprints(path, keys=SourceKeys(layer="lod13"))
