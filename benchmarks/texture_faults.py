@@ -2,7 +2,8 @@
 
 texture_faults.json has each wall with its verdict (good, small flaws, bad), the reason, and the measures of its texture.
 The measures were chosen on the walls of `fitted`, and the rule is fitted on them; photos of `held_out` were judged after both,
-and scored once before two measures became their product.
+and scored once before two measures became their product. Photos of `as_taken` are those that halves 3 of street_photos use, with
+the verdicts there (visible flaws are bad), judged and measured after all else.
 `left_out`: each source of `fitted` by a rule that is fitted without it.
 --data: measure the photos again. --runs: take the measures of walls from the records of runs of the example blocks.
 """
@@ -112,7 +113,7 @@ def measure_photo(path: Path, *, is_rectified: bool) -> list[float]:
 
 def report(parts: dict[str, Any]) -> dict[str, object]:
     """Fit the rule on the fitted walls; returns it with the flagged walls of each part."""
-    fitted, held_out = read_walls(parts["fitted"]), read_walls(parts["held_out"])
+    fitted = read_walls(parts["fitted"])
     rule, left_out = fit(fitted), np.zeros(len(fitted.source), bool)
     for source in np.unique(fitted.source):
         own = fitted.source == source
@@ -124,7 +125,10 @@ def report(parts: dict[str, Any]) -> dict[str, object]:
         "usual": dict(zip(FAULT_MEASURES, [float(f"{value:.2g}") for value in usual], strict=True)),
         "fitted": fitted.rates(rule.flags(fitted.measures)),
         "left_out": fitted.rates(left_out),
-        "held_out": held_out.rates(rule.flags(held_out.measures)),
+        **{
+            name: walls.rates(rule.flags(walls.measures))
+            for name, walls in ((name, read_walls(parts[name])) for name in ("held_out", "as_taken"))
+        },
     }
 
 
