@@ -2,8 +2,8 @@
 
 texture_faults.json has each wall with its verdict (good, small flaws, bad), the reason, and the measures of its texture.
 The measures were chosen on the walls of `fitted`, and the rule is fitted on them; photos of `held_out` were judged after both,
-and scored once before two measures became their product. Photos of `as_taken` are those that halves 3 of street_photos use, with
-the verdicts there (visible flaws are bad), judged and measured after all else.
+and scored once before two measures became their product. Photos of `as_taken` are those that halves 3 of street_photos use,
+with the verdicts there (visible flaws are bad), judged and measured after all else.
 `left_out`: each source of `fitted` by a rule that is fitted without it.
 --data: measure the photos again. --runs: take the measures of walls from the records of runs of the example blocks.
 """
