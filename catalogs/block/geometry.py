@@ -44,6 +44,8 @@ SURROUNDINGS_MARGIN_M = 200.0
 GROUND_MARGIN_M = 120.0
 # Distance of streets from the buildings: beyond the surroundings, four times the largest visibility range.
 MAX_STREET_DISTANCE_M = 1000.0
+# Metres from the buildings within which notes name features of the streets' source.
+NOTED_MARGIN_M = 40.0
 
 
 @dataclass(frozen=True)
@@ -180,10 +182,12 @@ def _read_streets(
     outside = {piece.id for piece in centrelines.items} - {piece.id for piece in near.items}
     to_frame = coordinate_transform(near.crs or LONLAT, frame)
 
+    noted = shapely.box(*extent).buffer(NOTED_MARGIN_M - SURROUNDINGS_MARGIN_M, join_style="mitre")
+
     def is_near(remark: Remark) -> bool:
         if remark.geometry is None:
             return remark.id not in outside
-        return bool(shapely.transform(remark.geometry, to_frame, interleaved=False).intersects(shapely.box(*extent)))
+        return bool(shapely.transform(remark.geometry, to_frame, interleaved=False).intersects(noted))
 
     reasons = feature_ids_by_reason(filter(is_near, near.remarks))
     reasons |= {reason: list(ids) for reason, ids in passages.items()}

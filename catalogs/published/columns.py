@@ -186,7 +186,7 @@ COLUMNS = (
     ),
     _recorded(
         "depths_measured", COUNT, "", "Depths measured",
-        "Windows, doors, balconies and shops whose depth pictures measure; the depths of the rest are assumed by class",
+        "Windows, doors and balconies of types whose depth pictures measure; the depths of the rest are assumed by class",
         of_building="sum",
     ),
     _recorded(

@@ -16,6 +16,7 @@ from tasks.publish.images import ReportImages
 from tasks.publish.item_rows import ItemRows, pose_height_change
 from tasks.publish.review import MIN_CHANGE, review_priority
 from tasks.publish.stored_block import StoredBlock
+from tasks.stages.facades.record import names_source
 
 # Pose columns of a panorama that shares no view with another.
 _UNSHARED_POSE = {"shared": 0, "apart_before_m": None, "apart_m": None, "kept_alone": ""}
@@ -41,7 +42,7 @@ def write_block_report(
     images : images in the folder.
     """
     journals = {stage: [record for record in journal if record] for stage, journal in block.records_by_stage.items()}
-    used = Counter(name for row in rows.facades if row["synthesised"] for name in row["source"].split(", "))
+    styled = [row["source"] for row in rows.facades if row["synthesised"]]
     notes = block.group.attrs.get("notes", [])
     facades = block.plan.facades
     reviewed: list[ItemRow] = [
@@ -74,7 +75,7 @@ def write_block_report(
                         "shaded": record["shaded"] if record["shaded"] > USUAL_SHADED_SHARE else 0,
                     },
                     pictures=images.exemplars.get(record["unit"], ()),
-                    used=used[record["unit"]],
+                    used=sum(names_source(source, record["unit"]) for source in styled),
                 )
                 for record in block.journals["exemplars"]
                 if record and record["status"] == "done"

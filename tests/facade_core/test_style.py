@@ -182,12 +182,16 @@ def test_a_plain_ground_floor_has_windows_and_a_door_and_no_smear() -> None:
     top = find_floors_and_bays(painted.labels).ground_top
     smeared = painted.image.copy()
     smeared[top:] = (255, 0, 255)
-    image, labels = replace_ground_floor_by_windows(smeared, painted.labels, 0.05, seed=1)
+    image, labels = replace_ground_floor_by_windows(smeared, painted.labels, 0.05)
     np.testing.assert_array_equal(image[:top], smeared[:top])
     assert not (image[top:] == (255, 0, 255)).all(axis=2).any()
     assert not (labels[top:] == FacadeClass.SHOP).any()
     assert cv2.connectedComponents((labels[top:] == FacadeClass.DOOR).astype(np.uint8))[0] == 2, "one door"
     assert (labels[-1] == FacadeClass.DOOR).any(), "which reaches the ground"
+    cut = np.zeros((16, 40), np.uint8)
+    cut[:, 10:30] = FacadeClass.WINDOW
+    grey = np.full((16, 40, 3), 128, np.uint8)
+    assert replace_ground_floor_by_windows(grey, cut, 0.05)[0] is grey, "windows reach its last row"
 
 
 def test_walls_of_one_exemplar_differ_by_house() -> None:

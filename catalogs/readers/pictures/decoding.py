@@ -20,7 +20,7 @@ import numpy as np
 from catalogs.reader_errors import is_system_error, short_message
 from catalogs.readers.pictures.capture_dates import CaptureState, exif_capture_state
 from catalogs.readers.pictures.colour_profiles import ColourProfile, find_profile, profile_to_srgb
-from catalogs.readers.pictures.high_depth import is_high_bit_depth, read_high_bit_depth
+from catalogs.readers.pictures.high_depth import needs_rasterio, read_high_bit_depth
 from catalogs.readers.pictures.picture_kinds import HEIF_REMEDY, can_read_heif, is_heif
 from catalogs.readers.settings import PICTURES
 from facade_core.core.arrays import AnyArray, BoolArray, UInt8Array
@@ -86,7 +86,7 @@ def read_picture(
             raise ImageError(
                 f"{path.name} is {width} x {height} pixels{small}, and {min_side} a side are the least; give a larger picture"
             )
-        deep = is_high_bit_depth(image)
+        deep = needs_rasterio(image)
         turned, state = _exif_orientation(image), exif_capture_state(image)  # decodes a PNG
         if deep:
             if image.format == "TIFF" and turned >= 5:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from fractions import Fraction
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, SupportsFloat
 
@@ -13,7 +13,8 @@ from catalogs.readers.pictures.capture_dates import exif_capture_date
 from catalogs.readers.pictures.decoding import open_picture
 from catalogs.readers.pictures.source_poses import SourcePose, TagValue, degrees_from_dms
 from catalogs.readers.settings import PICTURES
-from facade_core.core.errors import ImageError
+from facade_core.core.errors import ImageError, InputError
+from facade_core.core.regular_files import open_regular
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -129,7 +130,10 @@ def _direction(tags: Mapping[str, TagValue]) -> float | None:
 
 def _number(value: TagValue) -> float:
     """Return the number of a tag; XMP writes fractions as "2705/10"."""
-    return float(Fraction(value.strip())) if isinstance(value, str) else float(value)  # type: ignore[arg-type]
+    if not isinstance(value, str):
+        return float(value)  # type: ignore[arg-type]
+    number, _, divisor = value.partition("/")
+    return float(number) / float(divisor or 1)
 
 
 def _magnetic_doubts(tags: Mapping[str, TagValue]) -> tuple[tuple[str, str], ...]:
@@ -199,10 +203,9 @@ def _xmp_fields(path: Path, image: Image) -> dict[str, str]:
 
     fields: dict[str, str] = {}
     for name in (f"{path.name}.xmp", f"{path.stem}.xmp"):
-        sidecar = path.with_name(name)
-        if sidecar.is_file() and sidecar.stat().st_size <= PICTURES.max_sidecar_bytes:
+        with suppress(OSError, InputError), open_regular(path.with_name(name), PICTURES.max_sidecar_bytes) as sidecar:
             carrier = PillowImage.new("L", (1, 1))
-            carrier.info["xmp"] = sidecar.read_bytes()
+            carrier.info["xmp"] = sidecar.read()
             fields = _parse_xmp(carrier) | fields
     return _parse_xmp(image) | fields
 

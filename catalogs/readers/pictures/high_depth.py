@@ -31,10 +31,12 @@ _BITS_PER_SAMPLE_TAG = 258
 _SAMPLE_FORMAT_TAG = 339
 _UNSIGNED_FORMAT = 1
 _GDAL_METADATA_TAG = 42112
+_PHOTOMETRIC_TAG = 262
+_YCBCR = 6
 _BAND_MEANING = re.compile('role="(colorinterp|description)"')
 
 
-def is_high_bit_depth(image: Image) -> bool:
+def needs_rasterio(image: Image) -> bool:
     """Return True where Pillow would clip values, cut them to the upper 8 bits, or miss what GDAL states of bands."""
     from PIL.ImageFile import ImageFile
 
@@ -44,7 +46,11 @@ def is_high_bit_depth(image: Image) -> bool:
     bits, kinds = (np.atleast_1d(tags.get(tag, 1)).tolist() for tag in (_BITS_PER_SAMPLE_TAG, _SAMPLE_FORMAT_TAG))
     if max(bits) > 8 or any(kind != _UNSIGNED_FORMAT for kind in kinds):
         return True
-    if _BAND_MEANING.search(str(tags.get(_GDAL_METADATA_TAG, ""))):
+    if (
+        image.mode != "YCbCr"
+        and tags.get(_PHOTOMETRIC_TAG) != _YCBCR
+        and _BAND_MEANING.search(str(tags.get(_GDAL_METADATA_TAG, "")))
+    ):
         return True
     tiles = image.tile if isinstance(image, ImageFile) else ()
     return image.format == "PNG" and any(";16" in str(tile.args) for tile in tiles)

@@ -91,25 +91,27 @@ def find_incomplete_features(path: Path, readable: str) -> IncompleteFeatures:
     node_ids, lonlat = _locate_nodes([(header, nodes) for _, header, nodes, _, _ in blocks if nodes is not None])
     ways = [_Rows(strings, found, "refs") for strings, _, _, found, _ in blocks if found is not None]
     relations = [_Rows(strings, found, "members") for strings, _, _, _, found in blocks if found is not None]
-    cut = [rows.having(~np.isin(rows.members, node_ids)) for rows in ways]
-    whole = np.concatenate([np.zeros(0, np.int64), *(np.delete(w.ids, c) for w, c in zip(ways, cut, strict=True))])
+    cut = [rows.rows_with(~_are_in(rows.members, node_ids)) for rows in ways]
+    whole = np.sort(
+        np.concatenate([np.zeros(0, np.int64), *(np.delete(w.ids, c) for w, c in zip(ways, cut, strict=True))])
+    )
     has_locations = "LocationsOnWays" in read_header_block(readable).optional_features
     if not len(whole) and any(map(len, cut)):
         remedy = _LOCATIONS_REMEDY if has_locations else _FILTER_REMEDY
         raise InputError(f"{path} lacks the nodes of its ways; {remedy}")
-    lacking = [rows.having(rows.are_ways & ~np.isin(rows.members, whole)) for rows in relations]
-    wanted = [rows.of(row) for rows, found in zip(relations, lacking, strict=True) for row in found]
-    shown = np.concatenate([np.zeros(0, np.int64), *wanted])
+    lacking = [rows.rows_with(rows.are_ways & ~_are_in(rows.members, whole)) for rows in relations]
+    wanted = [rows.members_of(row) for rows, found in zip(relations, lacking, strict=True) for row in found]
+    shown = np.sort(np.concatenate([np.zeros(0, np.int64), *wanted]))
     places = {
-        int(rows.ids[row]): _places_of(rows.of(row), node_ids, lonlat)
+        int(rows.ids[row]): _places_of(rows.members_of(row), node_ids, lonlat)
         for rows, found in zip(ways, cut, strict=True)
-        for row in {*found, *np.flatnonzero(np.isin(rows.ids, shown)).tolist()}
+        for row in {*found, *np.flatnonzero(_are_in(rows.ids, shown)).tolist()}
     }
     incomplete = {}
     for letter, tables, chosen in (("w", ways, cut), ("r", relations, lacking)):
         for rows, found in zip(tables, chosen, strict=True):
             for row in found:
-                members = [int(rows.ids[row])] if letter == "w" else rows.of(row).tolist()
+                members = [int(rows.ids[row])] if letter == "w" else rows.members_of(row).tolist()
                 points = np.concatenate([np.zeros((0, 2)), *(places[way] for way in members if way in places)])
                 place = MultiPoint(points) if len(points) else None
                 incomplete[f"{letter}{rows.ids[row]}"] = IncompleteFeature(rows.tags(row), place)
@@ -125,12 +127,12 @@ class _Rows:
         self.are_ways = columns["types"] == _WAY_MEMBER if "types" in columns else np.ones(len(self.members), bool)
         self._strings, self._columns, self._offsets = strings, columns, columns[f"{kind}_off"]
 
-    def having(self, mask: BoolArray) -> list[int]:
+    def rows_with(self, mask: BoolArray) -> list[int]:
         """Return the rows of which a member is marked."""
         counts = np.concatenate([[0], np.cumsum(mask)])
         return [int(row) for row in np.flatnonzero(np.diff(counts[self._offsets]))]
 
-    def of(self, row: int) -> IntArray:
+    def members_of(self, row: int) -> IntArray:
         """Return the ways or nodes of a row."""
         span = slice(self._offsets[row], self._offsets[row + 1])
         members: IntArray = self.members[span][self.are_ways[span]]
@@ -151,6 +153,14 @@ def _locate_nodes(blocks: list[tuple[Mapping[str, int], Mapping[str, IntArray]]]
     ]
     order = np.argsort(ids)
     return ids[order], np.concatenate([np.zeros((0, 2)), *degrees])[order]
+
+
+def _are_in(ids: IntArray, known: IntArray) -> BoolArray:
+    """Return which ids (n,) are among known ones (k,), ascending."""
+    if not len(known):
+        return np.zeros(len(ids), bool)
+    found: BoolArray = known[np.minimum(np.searchsorted(known, ids), len(known) - 1)] == ids
+    return found
 
 
 def _places_of(wanted: IntArray, ids: IntArray, lonlat: Float64Array) -> Float64Array:

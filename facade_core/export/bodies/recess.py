@@ -124,8 +124,8 @@ class WallSpace:
         boxes : (n, 4) as in `has_room`.
         depths : (n,) depth of each opening, metres.
         """
-        shallow = np.full(len(boxes), WALL_OPENINGS.shallow_recess_m)
-        has_shallow = self.has_room(boxes, -shallow)
+        shallow = np.minimum(depths, WALL_OPENINGS.shallow_recess_m)
+        has_shallow = (depths > 0) & self.has_room(boxes, -shallow)
         return np.where(self.has_room(boxes, -depths), depths, np.where(has_shallow, shallow, 0.0))
 
 

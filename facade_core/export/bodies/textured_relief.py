@@ -11,7 +11,6 @@ import shapely
 from shapely import Polygon
 
 from facade_core.core.arrays import Float64Array, Int64Array, IntArray
-from facade_core.core.grouping import group_rows
 from facade_core.core.types import Element
 from facade_core.export.bodies.balconies import balcony_faces
 from facade_core.export.bodies.element_relief import place_elements
@@ -192,29 +191,24 @@ def add_relief(source: TexturedMesh, layouts: Mapping[int, Sequence[Element]]) -
     """
     mesh, charts = source.mesh, source.charts
     walls: dict[int, ReliefFaces] = {}
-    of_building = group_rows(charts.building[mesh.chart])
-    for building in sorted({int(charts.building[chart]) for chart in layouts} & of_building.keys()):
-        behind = [mesh.vertices[mesh.triangles[of_building[building]]]]
-        for chart in sorted(chart for chart in layouts if charts.building[chart] == building):
-            used, triangles = np.unique(mesh.triangles[mesh.chart_triangles(chart)], return_inverse=True)
-            others = [*behind, *_neighbour_triangles(source, chart)]
-            found = build_wall_relief(
-                charts, chart, mesh.vertices[used], triangles.reshape(-1, 3), layouts[chart], others
-            )
-            if found is not None:
-                behind.append(found.position[found.triangles])
-                walls[chart] = found
+    for chart in sorted(layouts, key=lambda chart: (charts.building[chart], chart)):
+        if charts.building[chart] < 0:
+            continue
+        used, triangles = np.unique(mesh.triangles[mesh.chart_triangles(chart)], return_inverse=True)
+        near = [other for other in charts.charts_within(chart, MAX_OUTWARD_M).tolist() if charts.building[other] >= 0]
+        surfaces = [mesh.vertices[mesh.triangles[mesh.chart_triangles(other)]] for other in near]
+        own = [walls[n] for n in near if n in walls and charts.building[n] == charts.building[chart]]
+        found = build_wall_relief(
+            charts,
+            chart,
+            mesh.vertices[used],
+            triangles.reshape(-1, 3),
+            layouts[chart],
+            [*surfaces, *(wall.position[wall.triangles] for wall in own)],
+        )
+        if found is not None:
+            walls[chart] = found
     return _replace_walls(source, walls) if walls else source
-
-
-def _neighbour_triangles(source: TexturedMesh, chart: int) -> list[Float64Array]:
-    """Return the triangles (t, 3, 3) of other buildings' charts that an element of a chart could meet."""
-    mesh, charts = source.mesh, source.charts
-    return [
-        mesh.vertices[mesh.triangles[mesh.chart_triangles(other)]]
-        for other in charts.charts_within(chart, MAX_OUTWARD_M).tolist()
-        if charts.building[other] not in (-1, charts.building[chart])
-    ]
 
 
 def _replace_walls(source: TexturedMesh, walls: Mapping[int, ReliefFaces]) -> TexturedMesh:

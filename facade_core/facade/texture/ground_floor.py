@@ -86,7 +86,7 @@ def _lowest_upper_floor(found: FloorsAndBays) -> slice:
 
 
 def replace_ground_floor_by_windows(
-    image: UInt8Array, labels: UInt8Array, metres_per_pixel: float, *, seed: int = 0
+    image: UInt8Array, labels: UInt8Array, metres_per_pixel: float
 ) -> tuple[UInt8Array, UInt8Array]:
     """Replace the whole ground floor of an exemplar by windows of an upper floor, with a plain door in a middle bay.
 
@@ -95,11 +95,10 @@ def replace_ground_floor_by_windows(
     image : (H, W, 3) uint8.
     labels : (H, W) uint8 class ids.
     metres_per_pixel : scale of the exemplar.
-    seed : draws the door.
     """
     found = find_floors_and_bays(labels)
     source = None if found is None else _residential_floor(found, labels)
-    if found is None or source is None:
+    if found is None or source is None or found.ground_top >= found.bottom:
         return image, labels
     new_image, new_labels = _show_windows(image, labels, found, source, np.ones(labels.shape[1], bool))
     band = slice(found.ground_top, found.bottom)
@@ -107,7 +106,9 @@ def replace_ground_floor_by_windows(
     rows = np.flatnonzero((new_labels[band, left:right] == FacadeClass.WINDOW).any(axis=1))
     top = found.ground_top + (int(rows[0]) if len(rows) else 0)
     door = slice(top, found.bottom), slice(left, right)
-    fill_with_door(new_image, new_labels, door, metres_per_pixel, np.random.default_rng(seed))
+    fill_with_door(
+        new_image, new_labels, door, metres_per_pixel, np.random.default_rng(int(image.sum(dtype=np.uint64)))
+    )
     return new_image, new_labels
 
 
@@ -129,7 +130,7 @@ def replace_shops_by_windows(image: UInt8Array, labels: UInt8Array) -> tuple[UIn
     """
     found = find_floors_and_bays(labels)
     source_rows = None if found is None else _residential_floor(found, labels)
-    if found is None or source_rows is None or not (labels == FacadeClass.SHOP).any():
+    if found is None or source_rows is None or not (labels[found.ground_top :] == FacadeClass.SHOP).any():
         return image, labels
     top, bottom = found.ground_top, found.bottom
     rim = round(GROUND_FLOOR.jamb_share * (bottom - top))

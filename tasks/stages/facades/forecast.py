@@ -10,7 +10,7 @@ from tasks.engine.inputs import PANORAMAS_CHANGED, split_key
 from tasks.engine.stage import ForecastInputs, Pending
 from tasks.stages.bundles.stage import bundle_members
 from tasks.stages.facades.imagery import EXEMPLAR_CHANGED, HOUSE_CHANGED
-from tasks.stages.facades.record import FacadeRecord
+from tasks.stages.facades.record import FacadeRecord, names_source
 from tasks.stages.shared.captures import facade_panoramas_by_capture
 
 
@@ -27,7 +27,7 @@ def forecast_pending_facades(inputs: ForecastInputs, own: Pending) -> Pending:
             continue
         if exemplars and own.get(facade) in (None, EXEMPLAR_CHANGED):
             found.pop(facade, None)
-            if not sources.isdisjoint((record.get("source") or "").split(", ")):
+            if any(names_source(record.get("source"), name) for name in sources):
                 found[facade] = EXEMPLAR_CHANGED
         from_panoramas = poses and "panoramas" in split_key(record["key"])
         if facade not in found and from_panoramas and not poses.isdisjoint(shown[facade]):

@@ -56,3 +56,8 @@ def count_variations(hierarchy: Hierarchy) -> dict[str, int]:
         "variation_levels": len(hierarchy.levels),
         "variation_bytes": int(hierarchy.nbytes),
     }
+
+
+def names_source(source: str | None, name: str) -> bool:
+    """Return True if the source of a texture names a picture or exemplar, whose name may contain a comma."""
+    return f", {name}, " in f", {source or ''}, "

@@ -62,3 +62,21 @@ def test_a_purple_surface_without_dark_pixels_stays() -> None:
 def test_a_painted_facade_stays() -> None:
     image = paint_facade((12.0, 9.0), floors=3, columns=4, style="jugend", metres_per_pixel=0.02, seed=2).image
     np.testing.assert_array_equal(remove_veil(image), image)
+
+
+@pytest.mark.parametrize("colour", [(165, 0, 165), (128, 0, 128), (110, 40, 120)])
+def test_a_purple_thing_leaves_the_wall_as_it_is(colour: tuple[int, int, int]) -> None:
+    picture = paint_picture((150, 110, 90))
+    picture[200:400, 300:500] = colour
+    picture[200:400:25, 300:500] = 205
+    found = remove_veil(picture)
+    beside = np.s_[200:400, 520:900]
+    assert np.abs(found[beside].astype(int) - picture[beside]).mean() < 1
+
+
+def test_shaded_brick_stays() -> None:
+    picture = np.full((640, 960, 3), (185, 125, 105), np.uint8)
+    down, across = np.mgrid[:640, :960]
+    picture[across > 300 + 0.6 * down] = (75, 52, 60)
+    found = remove_veil(picture)
+    assert np.abs(found.astype(int) - picture).mean() < 1

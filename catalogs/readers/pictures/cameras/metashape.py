@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 _PANORAMA_REASON = "spherical cameras of {file} left out; give their poses under imagery.panoramas"
 _DISABLED_REASON = "cameras of {file} that are disabled in Metashape left out"
+_ONE_SENSOR_LABEL_REASON = "is of a rig whose sensors share a label; give them different labels in Metashape"
 _UNALIGNED_REASON = "cameras of {file} without a transform left out: Metashape did not align them"
 # Matrix (4, 4) to the world and that world's conversion, by component.
 _Frames: TypeAlias = Mapping[str | None, tuple[Float64Array, ToLonLat | None]]
@@ -72,6 +73,7 @@ def read_metashape(name: str, text: bytes) -> CameraFile:
 def _chunk_cameras(name: str, chunk: Element, frames: _Frames, remarks: list[Remark]) -> dict[str, SourceCamera | str]:
     """Return the cameras of a chunk with the frames of its components."""
     sensors = {one.get("id"): one for one in chunk.iter("sensor")}
+    sensor_labels = Counter(one.get("label") for one in sensors.values())
     lenses = {id: _sensor_lens(one) for id, one in sensors.items()}
     cameras = {one.get("id"): one for one in chunk.iter("camera")}
     repeated = Counter(one.get("label") for one in cameras.values())
@@ -82,6 +84,9 @@ def _chunk_cameras(name: str, chunk: Element, frames: _Frames, remarks: list[Rem
             continue
         sensor = sensors.get(one.get("sensor_id"))
         if repeated[label] > 1 and sensor is not None:  # pictures of a rig, in a folder for each sensor
+            if sensor_labels[sensor.get("label")] > 1:
+                found[label] = _ONE_SENSOR_LABEL_REASON
+                continue
             label = f"{sensor.get('label')}/{label}"
         lens = lenses.get(one.get("sensor_id"), "its sensor is not listed")
         leader = cameras.get(one.get("master_id"), one)
