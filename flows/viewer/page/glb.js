@@ -1,4 +1,4 @@
-// Binary glTF as facade_core/export/glb.py writes it: unlit triangles, one JPEG for each material, no gaps between values.
+// Binary glTF as facade_core/export/glb.py writes it: unlit triangles, one JPEG for each material, values padded to four bytes.
 
 const JSON_CHUNK_AT = 12;
 const KINDS = { 5123: Uint16Array, 5125: Uint32Array, 5126: Float32Array };
