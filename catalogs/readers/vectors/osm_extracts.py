@@ -107,16 +107,29 @@ def find_incomplete_features(path: Path, readable: str) -> IncompleteFeatures:
         for rows, found in zip(ways, cut, strict=True)
         for row in {*found, *np.flatnonzero(_are_in(rows.ids, shown)).tolist()}
     }
-    incomplete = {}
-    for letter, tables, chosen in (("w", ways, cut), ("r", relations, lacking)):
-        for rows, found in zip(tables, chosen, strict=True):
-            for row in found:
-                members = [int(rows.ids[row])] if letter == "w" else rows.members_of(row).tolist()
-                points = np.concatenate([np.zeros((0, 2)), *(places[way] for way in members if way in places)])
-                place = MultiPoint(points) if len(points) else None
-                incomplete[f"{letter}{rows.ids[row]}"] = IncompleteFeature(rows.tags(row), place)
-    remedy = _LOCATIONS_REMEDY if has_locations else _SMART_REMEDY
-    return IncompleteFeatures({feature: one for feature, one in incomplete.items() if one.tags}, remedy)
+    incomplete = _describe_features("w", ways, cut, places) | _describe_features("r", relations, lacking, places)
+    return IncompleteFeatures(incomplete, _LOCATIONS_REMEDY if has_locations else _SMART_REMEDY)
+
+
+def _describe_features(
+    letter: str, tables: list[_Rows], chosen: list[list[int]], places: Mapping[int, Float64Array]
+) -> dict[str, IncompleteFeature]:
+    """Return the chosen rows that have tags, by id.
+
+    Parameters
+    ----------
+    letter : "w" for ways, "r" for relations.
+    places : longitudes and latitudes (n, 2) of ways by id.
+    """
+    features = {}
+    for rows, found in zip(tables, chosen, strict=True):
+        for row in found:
+            if not (tags := rows.tags(row)):
+                continue
+            members = [int(rows.ids[row])] if letter == "w" else rows.members_of(row).tolist()
+            points = np.concatenate([np.zeros((0, 2)), *(places[way] for way in members if way in places)])
+            features[f"{letter}{rows.ids[row]}"] = IncompleteFeature(tags, MultiPoint(points) if len(points) else None)
+    return features
 
 
 class _Rows:
