@@ -63,6 +63,7 @@ EXCLUDED_LIBRARIES = frozenset(
 DISTRIBUTION_NAMES = {
     "PIL": "pillow",
     "cv2": "opencv-python-headless",
+    "google": "protobuf",
     "maxflow": "PyMaxflow",
     "open3d": "open3d-cpu",
     "ruamel": "ruamel.yaml",

@@ -73,8 +73,8 @@ def test_pictures_survive_the_way_through_blender(seen: Seen, style: str) -> Non
     assert sorted(seen[style].again) == sorted(seen[style].given), "to the byte"
 
 
-# Openings stand back in LoD3, so their edges are elsewhere; cjio writes places in a picture with three digits.
-@pytest.mark.parametrize(("style", "edges"), [("glb", 0.95), ("cityjson", 0.9), ("lod3", 0.7)])
+# Openings stand back in LoD3 and glb, so their edges are elsewhere; cjio writes places in a picture with three digits.
+@pytest.mark.parametrize(("style", "edges"), [("glb", 0.85), ("cityjson", 0.9), ("lod3", 0.7)])
 def test_blender_draws_what_streetloom_draws(seen: Seen, style: str, edges: float) -> None:
     found = seen[style].compared
     assert found["shown"] > 0.99
