@@ -88,7 +88,7 @@ def read_ground_sources(
 
 
 def _nothing_held_error(key: str, names: str, remarks: Sequence[Remark], file: BlockFileErrorContext) -> BlockFileError:
-    """Return the error for files without a building or street, with what was left out of them."""
+    """Return the error for files that hold no building or street; it names what was left out."""
     notes = format_reason_notes(feature_ids_by_reason(remarks))
     reason = f" ({notes[0]})" if notes else ""
     return file.make_error(f"{key}.path", f"{names} holds no {key}{reason}; give a file that does")

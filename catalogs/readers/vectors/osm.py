@@ -257,7 +257,7 @@ def _read_layers(
 ) -> tuple[list[Iterator[_TaggedGeometry]], IncompleteFeatures]:
     """Return (id, geometry, tags) of the features of each layer, way/12 as w12 and relation/12 as r12, and the others.
 
-    Features of which nodes or ways are absent are left out.
+    Features with absent nodes or ways are left out.
     """
     from pyrosm import OSM
 
@@ -280,7 +280,7 @@ def _iterate_features(frame: GeoDataFrame | None, left_out: Container[str]) -> I
 
 def _note_incomplete(path: Path, incomplete: IncompleteFeatures, keys: Collection[str]) -> list[Remark]:
     """Return a remark on each feature with one of some tags that was left out."""
-    reason = f"features of which {path.name} lacks nodes or ways left out; {incomplete.remedy}"
+    reason = f"incomplete features of {path.name}, with missing nodes or ways, left out; {incomplete.remedy}"
     return [
         Remark(feature, reason, one.places)
         for feature, one in incomplete.features.items()

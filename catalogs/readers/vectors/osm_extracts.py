@@ -1,4 +1,4 @@
-"""OpenStreetMap extracts in .pbf: their blobs, and the features of which they lack nodes or ways.
+"""OpenStreetMap extracts in .pbf: their blobs, and the incomplete features at their border.
 
 Field numbers are those of the PBF format of the OSM wiki.
 """
@@ -33,14 +33,14 @@ _LOCATIONS_REMEDY = "write it again with osmium add-locations-to-ways --keep-unt
 
 
 class IncompleteFeature(NamedTuple):
-    """Way or relation of which an extract lacks nodes or ways, with the nodes that it has."""
+    """Way or relation with absent nodes or ways, and its present nodes."""
 
     tags: Mapping[str, str]
     places: MultiPoint | None
 
 
 class IncompleteFeatures(NamedTuple):
-    """Features of which an extract lacks nodes or ways, by id, and the remedy."""
+    """Incomplete features of an extract by id, and the remedy."""
 
     features: Mapping[str, IncompleteFeature]
     remedy: str
@@ -72,7 +72,7 @@ def open_osm_extract(path: Path) -> Iterator[str]:
 
 
 def find_incomplete_features(path: Path, readable: str) -> IncompleteFeatures:
-    """Return the ways and relations with tags of which an extract lacks nodes or ways.
+    """Find the tagged ways and relations with absent nodes or ways.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def find_incomplete_features(path: Path, readable: str) -> IncompleteFeatures:
     node_ids, lonlat = _locate_nodes([(header, nodes) for _, header, nodes, _, _ in blocks if nodes is not None])
     ways = [_Rows(strings, found, "refs") for strings, _, _, found, _ in blocks if found is not None]
     relations = [_Rows(strings, found, "members") for strings, _, _, _, found in blocks if found is not None]
-    cut = [rows.rows_with(~_are_in(rows.members, node_ids)) for rows in ways]
+    cut = [rows.find_rows(~_are_in(rows.members, node_ids)) for rows in ways]
     whole = np.sort(
         np.concatenate([np.zeros(0, np.int64), *(np.delete(w.ids, c) for w, c in zip(ways, cut, strict=True))])
     )
@@ -99,11 +99,11 @@ def find_incomplete_features(path: Path, readable: str) -> IncompleteFeatures:
     if not len(whole) and any(map(len, cut)):
         remedy = _LOCATIONS_REMEDY if has_locations else _FILTER_REMEDY
         raise InputError(f"{path} lacks the nodes of its ways; {remedy}")
-    lacking = [rows.rows_with(rows.are_ways & ~_are_in(rows.members, whole)) for rows in relations]
-    wanted = [rows.members_of(row) for rows, found in zip(relations, lacking, strict=True) for row in found]
+    lacking = [rows.find_rows(rows.are_ways & ~_are_in(rows.members, whole)) for rows in relations]
+    wanted = [rows.list_members(row) for rows, found in zip(relations, lacking, strict=True) for row in found]
     shown = np.sort(np.concatenate([np.zeros(0, np.int64), *wanted]))
     places = {
-        int(rows.ids[row]): _places_of(rows.members_of(row), node_ids, lonlat)
+        int(rows.ids[row]): _locate_members(rows.list_members(row), node_ids, lonlat)
         for rows, found in zip(ways, cut, strict=True)
         for row in {*found, *np.flatnonzero(_are_in(rows.ids, shown)).tolist()}
     }
@@ -126,7 +126,7 @@ def _describe_features(
         for row in found:
             if not (tags := rows.tags(row)):
                 continue
-            members = [int(rows.ids[row])] if letter == "w" else rows.members_of(row).tolist()
+            members = [int(rows.ids[row])] if letter == "w" else rows.list_members(row).tolist()
             points = np.concatenate([np.zeros((0, 2)), *(places[way] for way in members if way in places)])
             features[f"{letter}{rows.ids[row]}"] = IncompleteFeature(tags, MultiPoint(points) if len(points) else None)
     return features
@@ -140,12 +140,12 @@ class _Rows:
         self.are_ways = columns["types"] == _WAY_MEMBER if "types" in columns else np.ones(len(self.members), bool)
         self._strings, self._columns, self._offsets = strings, columns, columns[f"{kind}_off"]
 
-    def rows_with(self, mask: BoolArray) -> list[int]:
-        """Return the rows of which a member is marked."""
+    def find_rows(self, mask: BoolArray) -> list[int]:
+        """Find the rows with a marked member."""
         counts = np.concatenate([[0], np.cumsum(mask)])
         return [int(row) for row in np.flatnonzero(np.diff(counts[self._offsets]))]
 
-    def members_of(self, row: int) -> IntArray:
+    def list_members(self, row: int) -> IntArray:
         """Return the ways or nodes of a row."""
         span = slice(self._offsets[row], self._offsets[row + 1])
         members: IntArray = self.members[span][self.are_ways[span]]
@@ -176,7 +176,7 @@ def _are_in(ids: IntArray, known: IntArray) -> BoolArray:
     return found
 
 
-def _places_of(wanted: IntArray, ids: IntArray, lonlat: Float64Array) -> Float64Array:
+def _locate_members(wanted: IntArray, ids: IntArray, lonlat: Float64Array) -> Float64Array:
     """Return longitudes and latitudes (n, 2) of the nodes that are there."""
     rows = np.minimum(np.searchsorted(ids, wanted), len(ids) - 1)
     places: Float64Array = lonlat[rows[ids[rows] == wanted]] if len(ids) else lonlat

@@ -19,7 +19,7 @@ WINDOWS = [
 ]
 
 
-def textured(shape: tuple[int, int], seed: int) -> np.ndarray:
+def paint_texture(shape: tuple[int, int], seed: int) -> np.ndarray:
     noise = np.random.default_rng(seed).normal(0, 1, shape).astype(np.float32)
     return 128 + 220 * cv2.GaussianBlur(noise, (0, 0), 3)
 
@@ -27,7 +27,7 @@ def textured(shape: tuple[int, int], seed: int) -> np.ndarray:
 def seen_from(camera: CameraFrame, elements: list[Element], depth: float) -> GreyView:
     """Render a wall whose elements have a depth as a camera shows it, rectified on the wall."""
     size = (round(HEIGHT_M * DENSITY), round(WIDTH_M * DENSITY))
-    wall, deep = textured(size, 1), textured(size, 2)
+    wall, deep = paint_texture(size, 1), paint_texture(size, 2)
     columns, rows = np.meshgrid(np.arange(size[1]) + 0.5, np.arange(size[0]) + 0.5)
     x, y = columns / DENSITY, rows / DENSITY
     share = (camera.before - depth) / camera.before
@@ -83,7 +83,7 @@ def test_depth_of_balconies_is_measured() -> None:
 def test_nothing_is_measured_from_one_place_or_by_different_pictures() -> None:
     one = seen_from(CAMERAS[0], WINDOWS, -0.3)
     assert not measure_element_depths(WINDOWS, [one, one], np.zeros(len(WINDOWS), int), DENSITY)
-    other = GreyView(np.clip(textured(one.grey.shape, 9), 1, 255).astype(np.uint8), CAMERAS[1])
+    other = GreyView(np.clip(paint_texture(one.grey.shape, 9), 1, 255).astype(np.uint8), CAMERAS[1])
     assert not measure_element_depths(WINDOWS, [one, other], np.zeros(len(WINDOWS), int), DENSITY)
     hidden = GreyView(np.zeros_like(one.grey), CAMERAS[1])
     assert not measure_element_depths(WINDOWS, [one, hidden], np.zeros(len(WINDOWS), int), DENSITY)

@@ -40,7 +40,7 @@ def read_areas(path: Path) -> dict[str, float]:
     )
 
 
-def notes_of(path: Path) -> dict[str, str]:
+def read_notes(path: Path) -> dict[str, str]:
     remarks = (*osm.read_osm_footprints(path).remarks, *osm.read_osm_centrelines(path).remarks)
     return {remark.id: remark.reason for remark in remarks}
 
@@ -51,7 +51,7 @@ def test_whole_extracts_are_read_in_every_packing(tmp_path: Path, packing: Packi
     assert read_areas(path) == {"w10": 70.0, "r31": 800.0}
     [street] = osm.read_osm_centrelines(path).items
     assert len(street.line.coords) == 3
-    assert not notes_of(path)
+    assert not read_notes(path)
 
 
 def test_relation_without_its_outer_way_is_no_house(tmp_path: Path) -> None:
@@ -59,7 +59,7 @@ def test_relation_without_its_outer_way_is_no_house(tmp_path: Path) -> None:
     del made.ways[30]
     path = made.write(tmp_path / "city.osm.pbf")
     assert read_areas(path) == {"w10": 70.0}
-    assert "osmium extract -s smart" in notes_of(path)["r31"]
+    assert "osmium extract -s smart" in read_notes(path)["r31"]
 
 
 def test_relation_without_its_inner_way_keeps_no_full_courtyard(tmp_path: Path) -> None:
@@ -73,7 +73,7 @@ def test_relation_of_a_cut_way_is_left_out(tmp_path: Path) -> None:
     del made.nodes[321]
     path = made.write(tmp_path / "city.osm.pbf")
     assert read_areas(path) == {"w10": 70.0}
-    assert set(notes_of(path)) == {"r31"}
+    assert set(read_notes(path)) == {"r31"}
 
 
 def test_relation_without_any_way_is_noted(tmp_path: Path) -> None:
@@ -81,7 +81,7 @@ def test_relation_without_any_way_is_noted(tmp_path: Path) -> None:
     del made.ways[30], made.ways[32]
     path = made.write(tmp_path / "city.osm.pbf")
     assert read_areas(path) == {"w10": 70.0}
-    assert set(notes_of(path)) == {"r31"}
+    assert set(read_notes(path)) == {"r31"}
 
 
 @pytest.mark.parametrize("absent", [1, 2, 3])
@@ -90,7 +90,7 @@ def test_street_that_lacks_a_node_is_left_out(tmp_path: Path, absent: int) -> No
     del made.nodes[absent]
     path = made.write(tmp_path / "city.osm.pbf")
     assert not osm.read_osm_centrelines(path).items
-    assert set(notes_of(path)) == {"w21"}
+    assert set(read_notes(path)) == {"w21"}
 
 
 def test_house_that_lacks_a_corner_is_left_out(tmp_path: Path) -> None:
@@ -98,7 +98,7 @@ def test_house_that_lacks_a_corner_is_left_out(tmp_path: Path) -> None:
     del made.nodes[102]
     path = made.write(tmp_path / "city.osm.pbf")
     assert read_areas(path) == {"r31": 800.0}
-    assert set(notes_of(path)) == {"w10"}
+    assert set(read_notes(path)) == {"w10"}
 
 
 @pytest.mark.parametrize("packing", ["zlib", "lz4"])
