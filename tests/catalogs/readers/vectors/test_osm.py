@@ -47,7 +47,8 @@ def test_real_buildings_have_outlines_and_what_is_tagged(footprints: Footprints)
         "flat": 1,
     }
     assert Counter(remark.reason for remark in footprints.remarks) == {
-        "incomplete features of Helsinki.osm.pbf, with missing nodes or ways, left out; cut it out again with osmium extract -s smart": 60,
+        "incomplete features of Helsinki.osm.pbf, with missing nodes or ways, left out; "
+        "cut it out again with osmium extract -s smart": 60,
         "roofs without walls set aside": 11,
     }
     buildings = assemble_buildings([footprints], UTM, area=None, floor_height=3.2).items
