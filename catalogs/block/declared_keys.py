@@ -21,6 +21,7 @@ class PathKind(StrEnum):
     """What the path at a key names."""
 
     FILE = "file"
+    RASTER = "raster"
     FOLDER = "folder"
     FILE_OR_FOLDER = "file or folder"
 

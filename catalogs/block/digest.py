@@ -22,11 +22,13 @@ if TYPE_CHECKING:
 
 
 def block_digest(block: Block) -> str:
-    """Compute the sha256 of the values of a block, without its own digest.
+    """Compute the sha256 of the values of a block, without its own digest and its notes, which name files.
 
     Names of pictures are hashed where a result shows them: a facade's source, the id of an exemplar or panorama.
     """
-    contents = {field.name: getattr(block, field.name) for field in fields(block) if field.name != "digest"}
+    contents = {
+        field.name: getattr(block, field.name) for field in fields(block) if field.name not in ("digest", "notes")
+    }
     return _value_digest(
         contents
         | {

@@ -89,7 +89,7 @@ def _format_fault(fault: ErrorDetails, known: DeclaredKeys) -> str:
     problem, shown = fault["msg"].removeprefix("Value error, "), short_repr(value)
     if kind == "value_error" or declared is None:
         return f"{key}: {problem}, got {shown}"
-    if declared.key.path is PathKind.FILE and (paths := _listed_paths(value)):
+    if declared.key.path in (PathKind.FILE, PathKind.RASTER) and (paths := _listed_paths(value)):
         return f"{key}: {shown} is a list where one file is read; {list_remedy(paths)}"
     if "[" in key or isinstance(value, list):
         return f"{key}: {shown}: {problem}; write a {declared.value_type}"

@@ -204,7 +204,7 @@ class HeightsSection(Section):
             "Raster of the highest points, roofs included (a surface model, such as of LiDAR), in the formats of `terrain`, "
             "which is needed too: the height is the difference. Notes count the buildings that were measured, and those that "
             "the raster does not show or shows no building at.",
-            path=PathKind.FILE,
+            path=PathKind.RASTER,
         ),
     ]
 
@@ -289,7 +289,7 @@ class TerrainSection(Section):
         Key(
             "A raster of heights (GeoTIFF, `.asc`, `.img`, JPEG 2000, PNG, DTED, `.hgt`, or a VRT of such files in its "
             "folder), in any CRS it states.",
-            path=PathKind.FILE,
+            path=PathKind.RASTER,
         ),
     ]
 
@@ -378,7 +378,7 @@ class AerialSection(Section):
 
     path: Annotated[
         Text,
-        Key("An orthophoto of 8 bits: GeoTIFF, or PNG or JPEG with its world file.", path=PathKind.FILE),
+        Key("An orthophoto of 8 bits: GeoTIFF, or PNG or JPEG with its world file.", path=PathKind.RASTER),
     ]
     crs: Annotated[str | None, Key("Frame of a file that states none or a wrong one.", default="the file's own")] = None
 

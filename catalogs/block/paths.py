@@ -49,8 +49,7 @@ def resolve_paths(keys: BlockFileSettings, block: Path) -> dict[str, tuple[Path,
         stated = stated_value(keys, key)
         if stated is not None:
             texts = [stated] if isinstance(stated, str) else cast(list[str], stated)
-            is_folder = kind is not PathKind.FILE
-            found[key] = tuple(resolve_path(key, text, block, is_folder=is_folder) for text in texts)
+            found[key] = tuple(resolve_path(key, text, block, kind) for text in texts)
     return found
 
 
@@ -73,7 +72,7 @@ def hide_variable_values(message: str, file: Path) -> str:
     return message
 
 
-def resolve_path(key: str, text: str, file: Path, *, is_folder: bool, file_kind: str = "block file") -> Path:
+def resolve_path(key: str, text: str, file: Path, kind: PathKind, *, file_kind: str = "block file") -> Path:
     """Return the existing path that a key names, relative to its file.
 
     `~` and `${NAME}` are expanded.
@@ -83,7 +82,7 @@ def resolve_path(key: str, text: str, file: Path, *, is_folder: bool, file_kind:
     key : dotted key, for messages.
     text : path as written.
     file : file that names it.
-    is_folder : the key names a folder; else a regular file.
+    kind : what the key names; a regular file where no folder.
     file_kind : name of the kind of `file` in messages.
 
     Raises
@@ -96,7 +95,7 @@ def resolve_path(key: str, text: str, file: Path, *, is_folder: bool, file_kind:
     found = (find_in_other_form(one, fold_case=False) for one in (path, slashed))
     path = next((one for one in found if one is not None), path)
     try:
-        kind = path.stat().st_mode
+        mode = path.stat().st_mode
     except (FileNotFoundError, NotADirectoryError):
         remedy = f"paths are relative to the {file_kind}"
         if close := suggest_similar_file_name(path):
@@ -110,13 +109,17 @@ def resolve_path(key: str, text: str, file: Path, *, is_folder: bool, file_kind:
         ) from error
     except ValueError as error:  # a name that the file system cannot hold
         raise ValueError(f"{key}: {ascii(text)[:60]} is no path ({short_message(error)}); name another one") from error
-    if not is_folder and not stat.S_ISREG(kind):
-        what = f"is a folder; {_folder_remedy(path)}" if stat.S_ISDIR(kind) else "is no file but a device; name a file"
+    if kind in (PathKind.FILE, PathKind.RASTER) and not stat.S_ISREG(mode):
+        what = (
+            f"is a folder; {_folder_remedy(path, kind)}"
+            if stat.S_ISDIR(mode)
+            else "is no file but a device; name a file"
+        )
         raise ValueError(f"{key}: {path} {what}")
     return path
 
 
-def _folder_remedy(folder: Path) -> str:
+def _folder_remedy(folder: Path, kind: PathKind) -> str:
     """Return what to name in place of a folder, by the files in it."""
     if folder.suffix.lower() == ".gdb":
         return f"it is a file geodatabase: convert it with ogr2ogr OUT.gpkg {folder.name}"
@@ -125,10 +128,10 @@ def _folder_remedy(folder: Path) -> str:
     except OSError:
         return "name a file in it"
     files = sorted(f"{folder.name}/{path.name}" for path in inside if path.is_file())
-    rasters = [name for name in files if Path(name).suffix.lower() in _RASTER_SUFFIXES]
-    if len(rasters) > 1:
-        return list_remedy([f"{folder.name}/*{Path(rasters[0]).suffix}"])
-    named = [*rasters, *(name for name in files if Path(name).suffix.lower() in _VECTOR_SUFFIXES)]
+    suffixes = _RASTER_SUFFIXES if kind is PathKind.RASTER else _VECTOR_SUFFIXES
+    named = [name for name in files if Path(name).suffix.lower() in suffixes]
+    if kind is PathKind.RASTER and len(named) > 1:
+        return list_remedy([f"{folder.name}/*{Path(named[0]).suffix}"])
     return f"name a file in it, such as {named[0]}" if named else "name a file in it"
 
 

@@ -70,7 +70,7 @@ class Block(WithSettings):
     geoid_separation : metres of the geoid above the ellipsoid in the middle of the block; None where heights stay as given.
     notes : what was left out or assumed, one line each.
     faults : units that are broken.
-    digest : sha256 of all values read; independent of file names and dates.
+    digest : sha256 of all values read but notes; independent of file names and dates.
     corrections : corrections of people, from the file next to the block file.
     part : the block's own part of a city, None if it is not a part.
     models : model files that replace shipped ones.

@@ -161,7 +161,7 @@ def _resolve_tile_index(values: JsonObject, path: Path) -> tuple[JsonObject, tup
     named = buildings[TILES_KEY]
     if "path" in buildings or not isinstance(named, str) or not named:
         raise ValueError("buildings.tiles: names an index of tiles in place of path; write buildings: {tiles: FILE}")
-    index = resolve_path(f"buildings.{TILES_KEY}", named, path, is_folder=False, file_kind="city file")
+    index = resolve_path(f"buildings.{TILES_KEY}", named, path, PathKind.FILE, file_kind="city file")
     try:
         files = tile_files_in_area(index, values.get("area"))
     except InputError as error:

@@ -14,6 +14,7 @@ import numpy as np
 from catalogs.block.block_file import BlockFileErrorContext
 from catalogs.block.building_corrections import apply_corrections_to_block, building_ids_by_correction
 from catalogs.block.corrections import Corrections, read_corrections
+from catalogs.block.declared_keys import PathKind
 from catalogs.block.extract import write_city_part_file
 from catalogs.block.keys import MAX_NAME_LENGTH
 from catalogs.block.part import CityIndex, CityPartIds
@@ -176,7 +177,7 @@ def list_block_files(path: Path, named: str) -> list[Path]:
     InputError : the folder holds no block file.
     """
     try:
-        folder = resolve_path("blocks.path", named, path, is_folder=True, file_kind="city file")
+        folder = resolve_path("blocks.path", named, path, PathKind.FOLDER, file_kind="city file")
     except ValueError as error:
         raise BlockFileError(hide_variable_values(f"{path}: {error}", path)) from error
     files = sorted(folder.glob("*.yaml")) if folder.is_dir() else []

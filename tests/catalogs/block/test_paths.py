@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from catalogs.block.declared_keys import PathKind
 from catalogs.block.key_faults import validate_block_settings
 from catalogs.block.paths import resolve_path
 
@@ -15,7 +16,6 @@ from catalogs.block.paths import resolve_path
     [
         (("a.tif", "b.tif", "Thumbs.db"), r"make one of them with gdalwarp tiles/\*\.tif joined\.tif"),
         (("a.asc", "b.asc"), r"make one of them with gdalwarp tiles/\*\.asc joined\.tif"),
-        (("houses.shp", "houses.dbf", "._houses.shp"), r"name a file in it, such as tiles/houses\.shp"),
         (("notes.txt",), "name a file in it"),
     ],
 )
@@ -24,13 +24,28 @@ def test_folders_in_place_of_a_file(tmp_path: Path, names: tuple[str, ...], reme
     for name in names:
         (tmp_path / "tiles" / name).touch()
     with pytest.raises(ValueError, match=f"terrain.path: .*tiles is a folder; {remedy}"):
-        resolve_path("terrain.path", "tiles", tmp_path / "a.yaml", is_folder=False)
+        resolve_path("terrain.path", "tiles", tmp_path / "a.yaml", PathKind.RASTER)
+
+
+@pytest.mark.parametrize(
+    ("names", "remedy"),
+    [
+        (("houses.shp", "houses.dbf", "._houses.shp"), r"name a file in it, such as tiles/houses\.shp"),
+        (("a.png", "b.png"), "name a file in it$"),
+    ],
+)
+def test_folders_in_place_of_outlines(tmp_path: Path, names: tuple[str, ...], remedy: str) -> None:
+    (tmp_path / "tiles").mkdir()
+    for name in names:
+        (tmp_path / "tiles" / name).touch()
+    with pytest.raises(ValueError, match=f"buildings.path: .*tiles is a folder; {remedy}"):
+        resolve_path("buildings.path", "tiles", tmp_path / "a.yaml", PathKind.FILE)
 
 
 def test_geodatabases_are_converted(tmp_path: Path) -> None:
     (tmp_path / "city.gdb").mkdir()
     with pytest.raises(ValueError, match=r"it is a file geodatabase: convert it with ogr2ogr OUT\.gpkg city\.gdb"):
-        resolve_path("buildings.path", "city.gdb", tmp_path / "a.yaml", is_folder=False)
+        resolve_path("buildings.path", "city.gdb", tmp_path / "a.yaml", PathKind.FILE)
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ import pytest
 from shapely import box, to_geojson
 
 from catalogs.block.corrections import read_corrections
+from catalogs.block.declared_keys import PathKind
 from catalogs.block.paths import resolve_path
 from catalogs.readers.formats import read_buildings, read_centrelines
 from catalogs.readers.pictures.panoramas import read_panoramas
@@ -50,8 +51,8 @@ def test_paths_are_found_in_either_form(tmp_path: Path, stored: str, written: st
     file = folder / f"{stored}.png"
     file.touch()
     block, name = tmp_path / "a.yaml", f"{written}/{written}.png"
-    assert resolve_path("buildings.path", name, block, is_folder=False) == file
-    assert resolve_path("buildings.path", name.replace("/", "\\"), block, is_folder=False) == file
+    assert resolve_path("buildings.path", name, block, PathKind.FILE) == file
+    assert resolve_path("buildings.path", name.replace("/", "\\"), block, PathKind.FILE) == file
     assert find_referenced_file(tmp_path / "a.obj", name.replace("/", "\\")) == file
 
 
@@ -59,7 +60,7 @@ def test_name_with_a_backslash_counts_as_it_is(tmp_path: Path) -> None:
     (tmp_path / "a\\b.gpkg").touch()
     (tmp_path / "a").mkdir()
     (tmp_path / "a/b.gpkg").touch()
-    assert resolve_path("buildings.path", "a\\b.gpkg", tmp_path / "a.yaml", is_folder=False).name == "a\\b.gpkg"
+    assert resolve_path("buildings.path", "a\\b.gpkg", tmp_path / "a.yaml", PathKind.FILE).name == "a\\b.gpkg"
 
 
 def test_poses_belong_to_pictures_of_the_other_form(tmp_path: Path) -> None:
