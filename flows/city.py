@@ -70,6 +70,7 @@ def city(
     until: str | None = None,
     keep: int | None = None,
     tiles: bool = True,
+    restyle: bool = False,
 ) -> JsonObject | State[JsonObject]:
     """Texture the city of `city_file` into `out`; resumable and idempotent.
 
@@ -85,12 +86,13 @@ def city(
         next such time after the scheduled start: a later start or retry begins no block.
     keep : number of newest published snapshots of each block to keep; None for all.
     tiles : export the 3D Tiles of each block, which out/tileset.json references.
+    restyle : choose the exemplars of all buildings again.
 
     Returns
     -------
     summary : counts, failures and outputs of the run; in a `Completed` state where blocks failed or are left.
     """
-    summary = texture_city(city_file, out, CityOptions(workers, dask, at_once, until, keep, tiles))
+    summary = texture_city(city_file, out, CityOptions(workers, dask, at_once, until, keep, tiles, restyle))
     if summary["failures"] or summary["left"]:
         counts = f"{summary['blocks_done']} of {summary['blocks']} blocks are done; {len(summary['left'])} are left"
         failed = "; ".join(f"{failure['unit']}: {failure['reason']}" for failure in summary["failures"][:3])
@@ -119,7 +121,7 @@ def texture_city(city_file: Path, out: str | Folder | None, options: CityOptions
         submit = cleanup.enter_context(submit_tasks(MAX_CONCURRENT_BLOCKS))
         with report_steps() as notify:
             account, files = load_or_partition_city(city_file, out, notify)
-        due = account.pending_blocks(out, tiles=options.tiles)
+        due = list(account.blocks) if options.restyle else account.pending_blocks(out, tiles=options.tiles)
         estimate = account.estimate(due, options.workers, options.at_once)
         duration = f", about {format_duration(3600 * estimate['hours'])}" if due else ""
         print_status(f"{format_count(len(account.blocks), 'block')}, {len(due)} of them pending{duration}")

@@ -18,11 +18,13 @@ class CityOptions:
     until: str | None = None
     keep: int | None = None
     tiles: bool = True
+    restyle: bool = False
 
     def block_arguments(self) -> list[str]:
         """Return the command line options of the run of one block."""
         where = ("--dask", self.dask) if self.dask else ("--workers", str(self.workers))
-        return [*where, *(("--keep", str(self.keep)) if self.keep else ())]
+        keep = ("--keep", str(self.keep)) if self.keep else ()
+        return [*where, *keep, *(("--restyle",) if self.restyle else ())]
 
 
 def next_time_of_day(until: str, now: datetime) -> datetime:

@@ -34,20 +34,23 @@ class ExemplarTargetWalls:
     shops: Int64Array
 
 
-def choose_exemplars(walls: ExemplarTargetWalls, library: ExemplarLibrary, *, seed: int) -> Int64Array:
+def choose_exemplars(
+    walls: ExemplarTargetWalls, library: ExemplarLibrary, *, seed: int, kept: Int64Array | None = None
+) -> Int64Array:
     """Choose an exemplar for each wall; the walls of one building share theirs.
 
     Bad exemplars are left out while enough others are left. The misfit is that of the building's widest wall: floors, floor
     height, families of the street, and quality of the upper floors. A random cost by (seed, building) adds variety.
     Neighbours take different exemplars while there are others, then the one with the farthest use, and avoid similar ones.
     No exemplar takes more than a share of a neighbourhood while others are left. A choice depends on the neighbourhood
-    only, not on order or number.
+    only, not on order or number, except that kept choices are there before all others.
 
     Parameters
     ----------
     walls : walls to choose for.
     library : exemplars to choose from.
     seed : random seed.
+    kept : (n,) exemplars of walls whose building keeps its own, -1 for walls of a building that chooses.
 
     Returns
     -------
@@ -68,8 +71,9 @@ def choose_exemplars(walls: ExemplarTargetWalls, library: ExemplarLibrary, *, se
     is_good = np.asarray(library.body, float) >= EXEMPLAR_CHOICE.min_body
     is_good |= is_good.sum() < EXEMPLAR_CHOICE.min_exemplars
 
-    chosen = np.full(len(numbers), -1)
-    for i in np.argsort(rank).tolist():
+    chosen = np.full(len(numbers), -1) if kept is None else kept[main]
+    order_of_choice = np.argsort(rank)
+    for i in order_of_choice[chosen[order_of_choice] < 0].tolist():
         fits = np.where(_exceeds_share(chosen, width, i, near[i], is_good), np.inf, misfit[i])
         chosen[i] = _cheapest_exemplar(fits, chosen[near[i]], metres[i], library)
     return chosen[row]

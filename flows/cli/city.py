@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 @click.option(
     "--keep", type=click.IntRange(1), metavar="N", help="Keep the N newest published snapshots of each block."
 )
+@click.option("--restyle", is_flag=True, help="Choose the exemplars of all buildings again.")
 @click.option("--workers", default=2, show_default=True, type=click.IntRange(1, 256), help="Number of local processes.")
 @click.option("--dask", metavar="ADDRESS", help="Use this Dask scheduler, such as tcp://127.0.0.1:8786.")
 @click.option("--json", "as_json", is_flag=True, help="Print a JSON object at the end.")
@@ -46,6 +47,7 @@ def city_command(
     until: str | None,
     tiles: bool,
     keep: int | None,
+    restyle: bool,
     workers: int,
     dask: str | None,
     as_json: bool,
@@ -73,7 +75,7 @@ def city_command(
         _note_default_partition(city_file)
         if dask is None:
             note_first_run()
-        summary = _run_city_recorded(city_file, out, CityOptions(workers, dask, at_once, until, keep, tiles))
+        summary = _run_city_recorded(city_file, out, CityOptions(workers, dask, at_once, until, keep, tiles, restyle))
     if as_json:
         click.echo(json.dumps(summary))
     else:
@@ -151,7 +153,7 @@ def _run_city_recorded(city_file: Path, out: Folder, options: CityOptions) -> Js
 
     with report_steps() as notify:
         log, _ = load_or_partition_city(city_file, out, notify)
-    if not log.pending_blocks(out, tiles=options.tiles):
+    if not options.restyle and not log.pending_blocks(out, tiles=options.tiles):
         from flows.city import texture_city
 
         return texture_city(city_file, out, options)

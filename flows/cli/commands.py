@@ -120,6 +120,7 @@ class RunOptions:
     as_json: bool
     redo: str | None = None
     keep: int | None = None
+    restyle: bool = False
 
 
 def _compute_options(command: F) -> F:
@@ -140,6 +141,7 @@ def _compute_options(command: F) -> F:
     "--out", type=OUT, help="Folder or s3://bucket/prefix of the results.  [default: out/NAME of the block file]"
 )
 @click.option("--redo", metavar="STREET", help="Repeat a street, by id or name.")
+@click.option("--restyle", is_flag=True, help="Choose the exemplars of all buildings again.")
 @click.option(
     "--keep", type=click.IntRange(1), metavar="N", help="Prune after the run: keep the N newest published snapshots."
 )
@@ -148,6 +150,7 @@ def run(
     block_file: Path,
     out: Folder | None,
     redo: str | None,
+    restyle: bool,
     keep: int | None,
     workers: int,
     dask: str | None,
@@ -161,7 +164,7 @@ def run(
       streetloom run block.yaml --out out/mine --redo Kasarmikatu
       streetloom run block.yaml --out s3://bucket/mine
     """
-    options = RunOptions(workers, dask, as_json, redo, keep)
+    options = RunOptions(workers, dask, as_json, redo, keep, restyle)
     _run_block(block_file, out or Path("out") / block_file.stem, options)
 
 
@@ -203,8 +206,7 @@ def _run_block(block_file: Path, out: Folder, options: RunOptions) -> None:
     from tasks.examples.demo import has_only_painted_pictures
 
     start = time.monotonic()
-    street = options.redo
-    again = None if street is None else partial(_redo_street, street=street)
+    again = partial(_mark_pending, options=options)
     with ExitStack() as held:
         with report_steps(announce=False) as notify:
             notify(f"reading {block_file}")
@@ -272,11 +274,16 @@ def _texture_recorded(block_file: Path, out: Folder, workers: int, dask: str | N
         return texture_block(block_file, out, workers=workers, dask=dask)
 
 
-def _redo_street(run: Run, street: str) -> None:
-    """Mark a street pending and print it."""
-    from tasks.stages.streets.redo import schedule_street_redo
+def _mark_pending(run: Run, options: RunOptions) -> None:
+    """Mark what the options ask for pending, and print the streets."""
+    if options.redo is not None:
+        from tasks.stages.streets.redo import schedule_street_redo
 
-    print_notice(f"doing street {', '.join(schedule_street_redo(run, street))} again")
+        print_notice(f"doing street {', '.join(schedule_street_redo(run, options.redo))} again")
+    if options.restyle:
+        from tasks.stages.facades.exemplar_choices import delete_exemplar_choices
+
+        delete_exemplar_choices(run)
 
 
 for command in (

@@ -41,6 +41,8 @@ def find_pending_units(run: Run, block: Block, stage: Stage, units: Sequence[Uni
     units : all units of the stage, where they are known and nothing that their keys digest was done since.
     """
     plan = load_run_plan(run)
+    if stage.prepare is not None:
+        stage.prepare(run, block, plan)
     group = open_newest_root(run)
     records = read_journal(group, stage.stage)
     if units is None:

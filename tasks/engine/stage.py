@@ -74,6 +74,7 @@ class Stage:
     compute : computes the result of a unit from its inputs.
     write : writes the result of a unit to its own chunks; returns the fields of its record.
     process : processes units whose results depend on each other, in place of `compute` and `write`.
+    prepare : stores what its units have in common, before they are listed.
     forecast : reasons of pending units after those of earlier stages, given the units pending by key.
         None: units follow from earlier stages alone, and are not forecast.
     """
@@ -85,6 +86,7 @@ class Stage:
     compute: Compute[Any] | None = None
     write: Write[Any] | None = None
     process: UnitFunction | None = None
+    prepare: Callable[[Run, Block, Plan], None] | None = None
     forecast: Callable[[ForecastInputs, Pending], Pending] | None = forecast_pending
 
     @property

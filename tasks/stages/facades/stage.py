@@ -2,28 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence, Set
+from collections.abc import Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 import shapely
 
-from catalogs.block.part import MAX_ENTRANCE_DISTANCE_M, CityPart
+from catalogs.block.part import MAX_ENTRANCE_DISTANCE_M
 from catalogs.block.reader import Block
 from catalogs.readers.pictures.folders import find_facade_photo
-from facade_core.atlas.journal import read_journal
-from facade_core.core.arrays import Int64Array
-from facade_core.core.name_hash import hash_name
-from facade_core.core.types import AS_FOUND, SHIPPED_MODELS, Pose, Street, TrainedModelFiles
+from facade_core.core.types import AS_FOUND, SHIPPED_MODELS, Pose, TrainedModelFiles
 from facade_core.core.zarr_types import StoreGroup
-from facade_core.facade.exemplar_quality import ExemplarQuality
 from facade_core.geometry.settings import FACADE_WALLS
 from facade_core.imagery.cameras.exposure import estimate_common_exposure
 from facade_core.plan.doors import has_back_door, is_corner_facade
-from facade_core.plan.exemplar_choice import ExemplarTargetWalls, choose_exemplars
-from facade_core.plan.exemplar_inputs import target_walls_from_outlines
-from facade_core.plan.exemplar_style import ExemplarLibrary
 from facade_core.plan.plan import Plan
 from tasks.engine.inputs import digest_inputs, join_key
 from tasks.engine.run import Run
@@ -32,9 +25,14 @@ from tasks.engine.stage import Stage, UnitOutline
 from tasks.engine.unit import Unit
 from tasks.stages.bundles.nearby_panoramas import ground_squares
 from tasks.stages.bundles.refined_poses import is_rejected_panorama, pose_from_record, read_bundled_pose_records
-from tasks.stages.exemplars.record import ExemplarRecord
+from tasks.stages.facades.exemplar_choices import (
+    FOOT_CORNERS,
+    choose_facade_exemplars,
+    facade_shops,
+    store_exemplar_choices,
+)
 from tasks.stages.facades.forecast import forecast_pending_facades
-from tasks.stages.facades.imagery import ChosenExemplar, FacadeImagery, FacadeInputs, iterate_sources
+from tasks.stages.facades.imagery import FacadeImagery, FacadeInputs, iterate_sources
 from tasks.stages.facades.worker import process_facades
 from tasks.stages.shared.captures import facade_panoramas_by_capture
 from tasks.stages.shared.facade_corrections import match_corrections
@@ -49,11 +47,6 @@ from tasks.stages.shared.memory import (
 )
 from tasks.stages.shared.scene_view import SceneView, view_charts
 from tasks.stages.shared.view_inputs import bounding_box, object_digests_between, textures_of_charts, view_own_textures
-
-# A shop is behind the nearest wall, at most so far, metres: maps put it into the building or before it.
-MAX_SHOP_DISTANCE_M = 15.0
-# Where a wall begins and ends at its foot, as shares of its chart.
-_FOOT_CORNERS = np.array([[0.0, 1.0], [1.0, 1.0]])
 
 
 def list_facade_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit[FacadeInputs]]:
@@ -156,8 +149,8 @@ def select_imagery_per_facade(run: Run, block: Block, plan: Plan, group: StoreGr
         if shared
     }
     days = {panorama.path: panorama.captured for panorama in block.panoramas if panorama.captured}
-    shops = facade_shop_flags(plan, block.shops) if block.part is None else _shops_of_part(plan, block.part)
-    exemplars, stated = _facade_exemplars(run, block, plan, group, shops)
+    shops = facade_shops(plan, block)
+    exemplars, stated = choose_facade_exemplars(run, block, plan, group)
     entrances = facade_entrance_positions(plan, block.entrances)
     corrections, _ = match_corrections(plan, block.corrections, block.crs)
     textured = plan.textured[plan.facades.chart].tolist()
@@ -192,147 +185,19 @@ def select_imagery_per_facade(run: Run, block: Block, plan: Plan, group: StoreGr
     return found
 
 
-def _facade_exemplars(
-    run: Run, block: Block, plan: Plan, group: StoreGroup, shops: Int64Array
-) -> tuple[dict[int, ChosenExemplar], Set[int]]:
-    """Return the exemplar of each facade, empty if the block takes none, and the facades with a corrected one."""
-    if run.texture.walls != "exemplar":
-        return {}, set()
-    records = read_journal(group, "exemplars", ExemplarRecord)
-    chosen = choose_facade_exemplars(plan, records, exemplar_choice_walls(plan, block, shops), seed=run.seed)
-    stated = _corrected_exemplars(plan, block, records) if chosen else {}
-    return chosen | stated, stated.keys()
-
-
-def _corrected_exemplars(
-    plan: Plan, block: Block, records: Sequence[ExemplarRecord | None]
-) -> dict[int, ChosenExemplar]:
-    """Return the exemplars that corrections name for the buildings of facades, if they could be prepared."""
-    usable = {one.name: one for one in usable_exemplars(records)[0]}
-    found = {}
-    for facade, building in enumerate(plan.facades.building.tolist()):
-        name = block.corrections.value_correction(plan.scene.names[building], "exemplar")
-        if name in usable:
-            found[facade] = usable[name]
-    return found
-
-
 def facade_entrance_positions(plan: Plan, places: Sequence[tuple[float, float]]) -> list[tuple[float, ...]]:
     """Return the positions of mapped entrances along each facade's wall, metres."""
     facades = plan.facades
     found: dict[int, set[float]] = {}
     low = np.flatnonzero((np.abs(facades.foot) < FACADE_WALLS.level_tolerance_m) & ~facades.raised)
     if len(places) and len(low):
-        walls = shapely.linestrings(plan.scene.charts.points_at_shares(facades.chart[low], _FOOT_CORNERS)[..., :2])
+        walls = shapely.linestrings(plan.scene.charts.points_at_shares(facades.chart[low], FOOT_CORNERS)[..., :2])
         points = shapely.points(np.array(places).reshape(-1, 2))
         of, wall = shapely.STRtree(walls).query_nearest(points, max_distance=MAX_ENTRANCE_DISTANCE_M, all_matches=False)
         at = shapely.line_locate_point(walls[wall], points[of]) + facades.along[low[wall]]
         for facade, metres in zip(low[wall].tolist(), at.tolist(), strict=True):
             found.setdefault(int(facades.run[facade]), set()).add(round(metres, 2))
     return [tuple(sorted(found.get(run, ()))) for run in facades.run.tolist()]
-
-
-def facade_shop_flags(plan: Plan, places: Sequence[tuple[float, float]] | None) -> Int64Array:
-    """Return for each facade whether a map has a shop at its building.
-
-    Returns
-    -------
-    shops : (n,) int64: 1 with a shop, 0 without, -1 without a map.
-    """
-    facades = plan.facades
-    if places is None or not len(facades):
-        return np.full(len(facades), -1)
-    walls = shapely.linestrings(plan.scene.charts.points_at_shares(facades.chart, _FOOT_CORNERS)[..., :2])
-    _, wall = shapely.STRtree(walls).query_nearest(
-        shapely.points(np.array(places).reshape(-1, 2)), max_distance=MAX_SHOP_DISTANCE_M
-    )
-    return np.isin(facades.building, facades.building[wall]).astype(np.int64)
-
-
-def _shops_of_part(plan: Plan, part: CityPart) -> Int64Array:
-    """Return the same for a part of a city, whose shops are listed by building."""
-    told = dict(zip(part.buildings, part.shop_flags, strict=False))
-    return np.array([told[plan.scene.names[building]] for building in plan.facades.building.tolist()], np.int64)
-
-
-def exemplar_choice_walls(plan: Plan, block: Block, shops: Int64Array) -> ExemplarTargetWalls:
-    """Return the walls by which exemplars are chosen.
-
-    They are the facades of the block; of a part of a city the outlines of all buildings on which the choice depends.
-    """
-    if block.part is not None:
-        own = set(block.part.buildings)
-        buildings = [*(building for building in block.buildings if building.id in own), *block.part.distant_buildings]
-        return target_walls_from_outlines(buildings, block.part.front_streets, block.part.shop_flags, block.storey)
-    facades = plan.facades
-    # Who is a neighbour is told on the street; of a building that no street sees, by all its walls.
-    seen = facades.seen > 0
-    told = np.flatnonzero(seen | ~np.isin(facades.house, facades.house[seen]))
-    return ExemplarTargetWalls(
-        facades.width[told],
-        facades.height[told],
-        facades.floors[told],
-        facades.house[told],
-        _street_numbers(plan.streets)[facades.street[told]],
-        plan.scene.charts.points_at_shares(facades.chart[told], _FOOT_CORNERS)[..., :2],
-        shops[told],
-    )
-
-
-def choose_facade_exemplars(
-    plan: Plan, records: Sequence[ExemplarRecord | None], walls: ExemplarTargetWalls, *, seed: int
-) -> dict[int, ChosenExemplar]:
-    """Choose an exemplar for every facade, by its building among the walls.
-
-    Pictures do not count: a photo that comes, goes or is rejected changes its own facade and the colour of its building, but no
-    exemplar.
-
-    Returns
-    -------
-    chosen : exemplar by facade; empty if none could be prepared.
-    """
-    usable, library = usable_exemplars(records)
-    facades = plan.facades
-    if not usable or not len(facades):
-        return {}
-    chosen = choose_exemplars(walls, library, seed=seed)
-    of_house = dict(zip(walls.building.tolist(), chosen.tolist(), strict=True))
-    return {facade: usable[of_house[number]] for facade, number in enumerate(facades.house.tolist())}
-
-
-def usable_exemplars(records: Sequence[ExemplarRecord | None]) -> tuple[list[ChosenExemplar], ExemplarLibrary]:
-    """Return the exemplars that could be prepared, each with the ground floor that it shows, and the library of them."""
-    done = [(index, record) for index, record in enumerate(records) if record and record["status"] == "done"]
-    library = exemplar_library([record for _, record in done])
-    plain = [ChosenExemplar(index, record["unit"], record["key"]) for index, record in done]
-    grounds = library.ground_floor.tolist()
-    return [
-        one if other == own else replace(one, ground_floor=plain[other] if other >= 0 else "plain")
-        for own, (one, other) in enumerate(zip(plain, grounds, strict=True))
-    ], library
-
-
-def exemplar_library(records: Sequence[ExemplarRecord]) -> ExemplarLibrary:
-    """Return the exemplars of records as the library to choose from."""
-    parts = [ExemplarQuality(**record["quality_parts"]) for record in records]
-    return ExemplarLibrary(
-        [record["width_m"] for record in records],
-        [record["height_m"] for record in records],
-        [record["floors"] for record in records],
-        [record["shop_width"] for record in records],
-        # where no facade was found in a picture all of it is a guess
-        [
-            quality.body if record.get("cut_found", True) else 0.0
-            for quality, record in zip(parts, records, strict=True)
-        ],
-        [quality.foot for quality in parts],
-        [record["look"] for record in records],
-    )
-
-
-def _street_numbers(streets: Sequence[Street]) -> Int64Array:
-    """Return a number for each street, (streets,) int64, by its name or id: equal for all parts of a street."""
-    return np.array([hash_name(street.name or street.id) for street in streets], np.int64)
 
 
 def facade_memory(texels: int, imagery: FacadeImagery, models: TrainedModelFiles = SHIPPED_MODELS) -> int:
@@ -352,5 +217,6 @@ FACADES = Stage(
     ],
     inputs=list_facade_units,
     process=process_facades,
+    prepare=store_exemplar_choices,
     forecast=forecast_pending_facades,
 )

@@ -16,6 +16,8 @@ from catalogs.block.corrections import BUILDING_CORRECTION_KINDS
 from catalogs.features import safe_file_stem
 from facade_core.atlas.arrays import STORE_FORMAT, create_arrays
 from facade_core.atlas.store import BRANCH, commit, create_root, open_repository, open_root_of_any_format, read_format
+from facade_core.atlas.stored_files import EXEMPLARS
+from facade_core.core.zarr_types import get_subgroup
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.walls import WallRole
 from facade_core.plan.identity import ParallelMap, map_in_this_process
@@ -64,6 +66,7 @@ def ingest_block(run: Run, block: Block, each: ParallelMap = map_in_this_process
     repository = open_repository(run.store, create=True)
     session = repository.writable_session(BRANCH)
     root = open_root_of_any_format(session)
+    choices: dict[str, object] = {}
     skipped, anew = (
         root.attrs.get("key") == run.key and read_format(root) == STORE_FORMAT and has_all_stages(root),
         None,
@@ -83,6 +86,8 @@ def ingest_block(run: Run, block: Block, each: ParallelMap = map_in_this_process
         require_disk_space(run.local, required_block_bytes(plan, stored=run.local == run.folder))
         if last is None:
             anew = fresh_ingest_reason(run, root)
+            if EXEMPLARS in root and read_format(root) == STORE_FORMAT:
+                choices = dict(get_subgroup(root, EXEMPLARS).attrs)
             root = create_root(session)
         set_aside = [(fault.kind, fault.id, fault.reason) for fault in block.faults]
         set_aside += [("building", unit, reason) for unit, reason in plan.rejected_buildings]
@@ -115,6 +120,7 @@ def ingest_block(run: Run, block: Block, each: ParallelMap = map_in_this_process
                 unit_counts(block, plan),
                 crs=run.crs,
             )
+            get_subgroup(root, EXEMPLARS).attrs.update(choices)
         else:
             adapt_store_to_plan(root, last, run, block, plan)
         commit(session, f"ingest {run.block}")

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
 
 from facade_core.facade.exemplar_quality import ExemplarQuality
 from facade_core.plan.exemplar_choice import ExemplarTargetWalls
+from tasks.stages.facades.exemplar_choices import choose_building_exemplars, usable_exemplars
 from tasks.stages.facades.imagery import ChosenExemplar
-from tasks.stages.facades.stage import choose_facade_exemplars, usable_exemplars
 
 
 def test_a_picture_in_which_no_facade_was_found_is_used_last() -> None:
@@ -18,7 +17,6 @@ def test_a_picture_in_which_no_facade_was_found_is_used_last() -> None:
     walls = ExemplarTargetWalls(
         12 * one, 10 * one, 3 * one, 7 * one.astype(int), one.astype(int), np.zeros((1, 2, 2)), -one
     )
-    plan = cast(Any, SimpleNamespace(facades=_Facades()))
     fits = {
         "status": "done",
         "key": "k",
@@ -30,9 +28,9 @@ def test_a_picture_in_which_no_facade_was_found_is_used_last() -> None:
     }
     smaller = fits | {"width_m": 10.0}
     records = [fits | {"unit": "a", "look": [0.0] * 9}, smaller | {"unit": "b", "look": [0.0] * 9}]
-    assert choose_facade_exemplars(plan, cast(Any, records), walls, seed=1) == {0: ChosenExemplar(0, "a", "k")}
+    assert choose_building_exemplars(walls, cast(Any, records), [], seed=1)[0] == {7: ChosenExemplar(0, "a", "k")}
     records[0]["cut_found"] = False
-    assert choose_facade_exemplars(plan, cast(Any, records), walls, seed=1) == {0: ChosenExemplar(1, "b", "k")}
+    assert choose_building_exemplars(walls, cast(Any, records), [], seed=1)[0] == {7: ChosenExemplar(1, "b", "k")}
 
 
 def test_an_exemplar_with_a_hidden_ground_floor_names_another() -> None:
@@ -58,10 +56,3 @@ def test_an_exemplar_with_a_hidden_ground_floor_names_another() -> None:
     assert found[0].digest_content() != hidden.digest_content()
     found, _ = usable_exemplars(cast(Any, records[:1]))
     assert found == [ChosenExemplar(0, "a", "k", "plain")]
-
-
-class _Facades:
-    house = np.array([7])
-
-    def __len__(self) -> int:
-        return 1
