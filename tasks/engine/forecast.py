@@ -7,10 +7,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from catalogs.block import Block
 from catalogs.printable_text import format_unit_reason
 from facade_core.atlas.journal import read_journal
 from facade_core.core.zarr_types import StoreGroup
+from facade_core.plan.plan import Plan
 from tasks.engine.context import load_run_plan
 from tasks.engine.outline import PlanSummary
 from tasks.engine.pending_reasons import pending_reasons
@@ -20,6 +23,8 @@ from tasks.engine.store.commits import open_newest_root
 from tasks.engine.unit import Unit
 
 NOTHING_PENDING = "nothing is pending except publication"
+# Buildings that the line names.
+MAX_NAMED_BUILDINGS = 3
 
 
 @dataclass(frozen=True)
@@ -62,7 +67,19 @@ def forecast_work(run: Run, block: Block, outline: PlanSummary) -> WorkForecast:
     known = [stage for stage in all_stages() if stage.stage in pending]
     parts = [*filter(None, (_line(len(units[one.stage]), one.noun, pending[one.stage]) for one in known))]
     said = f"pending: {', '.join(parts)}; the rest is up to date" if parts else NOTHING_PENDING
+    said += _describe_buildings(plan, rewritten)
     return WorkForecast(said, units)
+
+
+def _describe_buildings(plan: Plan, charts: Sequence[int]) -> str:
+    """Return the buildings that get other textures, as an end of the line; empty without any."""
+    building = plan.scene.charts.building
+    names = [plan.scene.names[one] for one in np.unique(building[list(charts)]).tolist() if one >= 0]
+    if not names:
+        return ""
+    more = f" and {len(names) - MAX_NAMED_BUILDINGS} more" if len(names) > MAX_NAMED_BUILDINGS else ""
+    count = len(np.unique(building[building >= 0]))
+    return f"; walls change at {len(names)} of {count} buildings ({', '.join(names[:MAX_NAMED_BUILDINGS])}{more})"
 
 
 def describe_rejected_inputs(set_aside: Iterable[Sequence[str]]) -> list[str]:

@@ -61,7 +61,11 @@ def find_pending_units(run: Run, block: Block, stage: Stage, units: Sequence[Uni
 
 
 def _pieces(units: Sequence[Unit[Any]]) -> list[UnitGroup]:
-    """Group units that one worker processes in one go: by group, else one by one in the order of their indices."""
+    """Group units that one worker processes in one go: corrected groups first, else by group or index."""
     alone = [(unit,) for unit in units if unit.group_id is None]
-    shared = sorted((unit for unit in units if unit.group_id is not None), key=lambda unit: unit.group_id or 0)
+    corrected = {unit.group_id for unit in units if unit.is_corrected}
+    shared = sorted(
+        (unit for unit in units if unit.group_id is not None),
+        key=lambda unit: (unit.group_id not in corrected, unit.group_id or 0),
+    )
     return [*alone, *(tuple(piece) for _, piece in groupby(shared, key=lambda unit: unit.group_id))]

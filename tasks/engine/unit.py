@@ -27,6 +27,7 @@ class Unit(Generic[I_co]):
     memory : bytes that it takes of a worker at most, besides libraries and the plan.
     charts : charts that it writes: cleared if it fails, and of the base layer once it is pending.
     group_id : units with the same value may share chunks, so one worker processes them in one go; None for a unit alone.
+    is_corrected : whether somebody corrected its subject: its group is processed before others.
     digests : digest of the code and of each of its inputs.
     """
 
@@ -36,6 +37,7 @@ class Unit(Generic[I_co]):
     memory: int = 0
     charts: tuple[int, ...] = ()
     group_id: int | None = None
+    is_corrected: bool = False
     digests: Mapping[str, str] = field(default_factory=dict)
 
     @property

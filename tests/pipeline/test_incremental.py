@@ -1,4 +1,4 @@
-"""After a change, what depends on it is done again and nothing else, and the result is that of a fresh run."""
+"""After a change, what depends on it is done again and nothing else, and each texture is that of a fresh run."""
 
 from __future__ import annotations
 
@@ -118,6 +118,7 @@ def test_a_building_raised(plain: Path, tmp_path: Path) -> None:
     done, made = again(folder)
     assert done == {"c-0"}
     assert (made.said or "").startswith("pending: 1 of 6 facades (geometry changed), ")
+    assert (made.said or "").endswith("; walls change at 1 of 5 buildings (c)")
     assert_as_fresh(folder, made)
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import shapely
 
+from catalogs.block.corrections import BUILDING_CORRECTION_KINDS
 from catalogs.block.part import MAX_ENTRANCE_DISTANCE_M
 from catalogs.block.reader import Block
 from catalogs.readers.pictures.folders import find_facade_photo
@@ -55,7 +56,8 @@ def list_facade_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> 
     inputs = [facade_inputs(run, plan, index, pictures, block.textures) for index, pictures in enumerate(imagery)]
     charts, texels = plan.facades.chart.tolist(), plan.texel_counts()
     keys = [pictures_key(one) for one in inputs]
-    together = _first_buildings(plan)
+    together, buildings = _first_buildings(plan), plan.facades.building.tolist()
+    corrected = block.corrections.select_kinds(BUILDING_CORRECTION_KINDS)
     units = []
     for index, (one, beside) in enumerate(zip(inputs, _pictured_neighbours(plan, imagery), strict=True)):
         house = replace(
@@ -65,7 +67,10 @@ def list_facade_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> 
             beside=beside,
         )
         memory = facade_memory(int(texels[charts[index]]), one, one.models)
-        units.append(Unit(index, plan.facades.id[index], house, memory, (charts[index],), together[index]))
+        is_corrected = one.corrected != AS_FOUND or plan.scene.names[buildings[index]] in corrected
+        units.append(
+            Unit(index, plan.facades.id[index], house, memory, (charts[index],), together[index], is_corrected)
+        )
     return units
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tasks.engine.inputs import CODE, digest_inputs, digest_values, input_field
+from tasks.engine.pending import _pieces
 from tasks.engine.pending_reasons import pending_reasons
 from tasks.engine.unit import Unit
 
@@ -39,3 +40,8 @@ def test_a_photo_is_new_where_there_was_none(tmp_path: Path, recorded: str, reas
         pending_reasons([{"unit": "a-0", "key": f"code:1 photo:{unit.digests['photo']}", "status": "done"}], [unit])
         == {}
     )
+
+
+def test_corrected_groups_come_first() -> None:
+    units = [Unit(i, f"{i}", None, group_id=i // 2, is_corrected=i == 5) for i in range(6)]
+    assert [[unit.index for unit in piece] for piece in _pieces(units)] == [[4, 5], [0, 1], [2, 3]]
