@@ -24,6 +24,7 @@ def test_what_is_no_time_is_refused() -> None:
 
 def test_what_is_asked_of_a_block() -> None:
     assert CityOptions(workers=3).block_arguments() == ["--workers", "3"]
+    assert CityOptions(restyle=True).block_arguments() == ["--workers", "2", "--restyle"]
     assert CityOptions(dask="tcp://127.0.0.1:8786", keep=2).block_arguments() == [
         "--dask",
         "tcp://127.0.0.1:8786",

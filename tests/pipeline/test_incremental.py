@@ -33,6 +33,7 @@ from tasks.engine.store.integrity import find_lost_units
 from tasks.engine.store.status import completion_summary
 from tasks.publish.task import publish_block
 from tasks.stages.exemplars.record import ExemplarRecord
+from tasks.stages.facades.exemplar_choices import delete_exemplar_choices
 from tasks.stages.surfaces.stage import SURFACES
 from tests.pipeline.painted_panoramas import CAMERAS, FAR, PICTURED, write_panoramas
 from tests.pipeline.stages import (
@@ -251,6 +252,7 @@ def test_two_exemplars_of_one_name_are_two(seeded: Path, tmp_path: Path) -> None
     folder = copied(seeded, tmp_path)
     exemplars = folder / "in" / "exemplars"
     ImageOps.mirror(Image.open(exemplars / "0.png")).save(exemplars / "0.bmp")
+    delete_exemplar_choices(create_run(read_block(folder / "in" / "block.yaml"), folder / "out"))
     _, made = again(folder)
     assert_as_fresh(folder, made)
     session = open_repository(made.run.store).readonly_session(BRANCH)

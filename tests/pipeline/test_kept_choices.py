@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -103,6 +104,7 @@ def test_restyling_a_finished_block_publishes_it_again(folder: Path) -> None:
     run = texture(block, folder / "out").run
     publish_block.fn(run)
     assert completion_summary(run) is not None
+    delete_exemplar_choices(replace(run, out=f"{run.out}-to-come"))
     delete_exemplar_choices(run)
     assert completion_summary(run) is None
     held = started(folder / "out")

@@ -15,7 +15,7 @@ import shapely
 from catalogs.block.part import CityPart
 from catalogs.block.reader import Block
 from facade_core.atlas.journal import read_journal
-from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
+from facade_core.atlas.store import BRANCH, commit, open_repository, open_root, open_root_of_any_format
 from facade_core.atlas.stored_files import EXEMPLARS
 from facade_core.core.arrays import Int64Array
 from facade_core.core.name_hash import hash_name
@@ -114,7 +114,9 @@ def delete_exemplar_choices(run: Run) -> None:
     if not run.store.is_dir():
         return
     session = open_repository(run.store).writable_session(BRANCH)
-    group = open_root(session)
+    group = open_root_of_any_format(session)
+    if EXEMPLARS not in group:  # nothing is ingested yet
+        return
     get_subgroup(group, EXEMPLARS).attrs[CHOICES] = []
     group.attrs["published_by"] = ""
     commit(session, "restyle")
