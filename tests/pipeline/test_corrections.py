@@ -17,9 +17,11 @@ from catalogs.query.execution import query
 from facade_core.core.errors import InputError
 from facade_core.facade.layout.model import SHIPPED_LAYOUT_MODEL
 from tasks.corrections.correction_import import CorrectionImporter, import_corrections
+from tasks.engine.run_key import create_run
 from tasks.engine.store.commits import read_newest_journal
 from tasks.engine.store.status import read_run_block_file, record_run_block_file
 from tasks.export.formats import export_run
+from tasks.stages.facades.exemplar_choices import delete_exemplar_choices
 from tasks.viewing.facade_state import read_facade_state
 from tasks.viewing.run_view import RunReader
 from tests.pipeline.corrected import HOUSES, STREET, made, textured_houses
@@ -258,6 +260,8 @@ def test_walls_that_are_none_exemplars_heights_and_what_is_in_front(folder: Path
     made(folder)
     assert record(folder, "a-0")["source"] == "translator"
     texture(folder / "in" / "block.yaml", folder / "fresh")
+    delete_exemplar_choices(create_run(read_block(folder / "in" / "block.yaml"), folder / "out"))
+    made(folder)
     assert digests_of(folder / "fresh") == digests_of(folder / "out"), "nothing is left of the photo that it had"
     assert query(folder / "out", where="id = 'b-2'")["height_m"].tolist() == [12.0]
 
