@@ -187,7 +187,8 @@ def _likeness(
     width, height = charts.size[chart]
     foot = charts.points(chart, np.array([rng.uniform(0.3, 0.7) * width]), np.array([height - 2.5]))[0]
     place = foot + metres * (np.sin(turn) * charts.normals()[chart] + np.cos(turn) * charts.axis_u[chart])
-    pose = Pose(*place.tolist(), 0.0)
+    x, y, z = place.tolist()
+    pose = Pose(x, y, z, 0.0)
 
     def look(facade: DeepFacade) -> Any:
         return render_view(street, number, facade, pose, pose, 20.0, seed).astype(float)
