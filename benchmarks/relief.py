@@ -232,7 +232,7 @@ def main() -> None:
     if given.pairs:
         print(json.dumps(draw_pairs(given.outs, given.pairs, given.seed)))
     else:
-        print(json.dumps([measure(out, given.sheet) for out in given.outs], indent=1))
+        print(json.dumps(measure(given.outs[0], given.sheet), indent=1))
 
 
 if __name__ == "__main__":
