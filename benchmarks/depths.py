@@ -196,8 +196,8 @@ def _likeness(
     by_table = [replace(e, depth_m=None) for e in measured]
     models = {
         "flat": [replace(e, depth_m=0.0) for e in measured],
-        "table": [replace(e, depth_m=element_depth(e, e.width).outward_m) for e in by_table],
-        "measured": [replace(e, depth_m=element_depth(e, e.width).outward_m) for e in measured],
+        "table": [replace(e, depth_m=element_depth(e).outward_m) for e in by_table],
+        "measured": [replace(e, depth_m=element_depth(e).outward_m) for e in measured],
     }
     shown = look(truth)
     found = {}
@@ -244,7 +244,7 @@ def measure(streets: Sequence[int], density: float, verbose: bool) -> dict[str, 
             for one in measured if verbose else ():
                 print(f"{seed}-{number}", *_describe(one, facade.elements))
             for k, element in enumerate(facade.elements):
-                table = element_depth(replace(element, depth_m=None), element.width).outward_m
+                table = element_depth(replace(element, depth_m=None)).outward_m
                 found = of[k].outward_m if k in of else None
                 told.setdefault(element.label, []).append((element.depth_m or 0.0, found, table))
             known = [replace(e, depth_m=of[k].outward_m if k in of else None) for k, e in enumerate(facade.elements)]
