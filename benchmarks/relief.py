@@ -2,6 +2,9 @@
 
 Elements and those in depth; triangles an element; bytes of the unlit and of the lit GLB over the flat one's; processor seconds;
 share of texels that differ by more than 2 from the front. With --sheet FILE views of both, at 20 to 60 degrees to a wall.
+
+`python -m benchmarks.relief OUT OUT ... --pairs DIR` draws 24 blind pairs of views of all outputs instead, to be judged and
+counted as those of `streetloom bench blind_pairs`.
 """
 
 from __future__ import annotations
@@ -20,6 +23,8 @@ import cv2
 import numpy as np
 from PIL import Image
 
+from benchmarks.blind_answers import write_key
+from benchmarks.blind_pairs import PAIRS, sheet
 from facade_core.core.arrays import Float64Array, UInt8Array
 from facade_core.export.bodies.textured_relief import add_relief
 from facade_core.export.models.encoders import ENCODERS
@@ -47,6 +52,8 @@ MIN_OFFSET_M = 0.03
 # Degrees to the wall and metres from it.
 VIEWS = ((20, 4), (20, 8), (40, 4), (40, 10), (60, 6), (60, 15))
 SIZE, SAMPLES = (300, 480), 3
+# Of blind pairs: degrees and metres of views by chance, elements in depth that a wall has, pairs on a sheet.
+DEGREES, METRES, MIN_ELEMENTS, ON_SHEET = (20.0, 60.0), (4.0, 15.0), 4, 8
 
 
 class Renderer:
@@ -113,18 +120,60 @@ def glb_bytes(source: TexturedMesh, results: PublishedBlock) -> int:
     return len(encode_glb(nodes, [encode_textures(draw_page_images(drawn, p), ENCODERS["jpeg"]) for p in pages]))
 
 
+def wall_camera(source: TexturedMesh, chart: int, degrees: float, metres: float) -> PerspectiveCamera:
+    """Return a camera before a wall that looks at its middle at an angle to the wall."""
+    frames = source.charts
+    width, height = frames.size[chart]
+    low = max(1.7 + 0.3 * metres, 0.3 * height)
+    target = frames.points(chart, np.array([width / 2]), np.array([max(height - low, height / 2)]))[0]
+    turn = np.radians(degrees)
+    away = np.sin(turn) * frames.normals()[chart] - np.cos(turn) * frames.axis_u[chart]
+    place = target + metres / np.sin(turn) * away - [0.0, 0.0, 0.25 * metres]
+    return PerspectiveCamera(place, target, 70.0, SIZE)
+
+
+def open_views(flat: Renderer, charts: Sequence[int], count: int, rng: np.random.Generator) -> list[PerspectiveCamera]:
+    """Return cameras by chance before as many walls, with nothing between."""
+    found = []
+    for chart in rng.permutation(np.array(charts)).tolist():
+        camera = wall_camera(flat.source, chart, rng.uniform(*DEGREES), rng.uniform(*METRES))
+        ray = camera.target - camera.position
+        depth, met = flat.caster.cast(camera.position, ray[None])
+        if met[0] != MISS and flat.source.mesh.chart[met[0]] == chart and depth[0] > 0.99:
+            found.append(camera)
+        if len(found) == count:
+            break
+    return found
+
+
+def draw_pairs(outs: Sequence[Path], to: Path, seed: int) -> dict[str, Any]:
+    """Write sheets of pairs, answers.csv and key.json into a folder."""
+    rng = np.random.default_rng(seed)
+    views: list[tuple[UInt8Array, UInt8Array]] = []
+    for number, out in enumerate(outs):
+        with open_published_run(out) as results:
+            elements = facade_elements(results, results.select_buildings(()))
+            source = results.textured_mesh
+            relief = add_relief(source, elements)
+            flat, deep = Renderer(source), Renderer(relief)
+            rich = [chart for chart in elements if count_in_depth(relief, chart) >= MIN_ELEMENTS]
+            cameras = open_views(flat, rich, (PAIRS - len(views)) // (len(outs) - number), rng)
+            views += [(flat.picture(camera), deep.picture(camera)) for camera in cameras]
+    turned = rng.random(len(views)) < 0.5
+    pairs = [pair[::-1] if turn else pair for pair, turn in zip(views, turned, strict=True)]
+    to.mkdir(parents=True, exist_ok=True)
+    for first in range(0, len(pairs), ON_SHEET):
+        drawn = sheet(pairs[first : first + ON_SHEET], first + 1)
+        Image.fromarray(drawn).save(to / f"sheet-{first // ON_SHEET + 1}.png")
+    write_key(to, [("relief", "flat") if turn else ("flat", "relief") for turn in turned], seed=seed)
+    return {"benchmark": "relief", "pairs": len(pairs)}
+
+
 def draw_sheet(flat: Renderer, deep: Renderer, charts: Sequence[int], path: Path) -> None:
     """Draw views of walls, flat at the left and in depth at the right."""
-    frames, rows = flat.source.charts, []
+    rows = []
     for k, (degrees, metres) in enumerate(VIEWS):
-        chart = charts[k // 2 % len(charts)]
-        width, height = frames.size[chart]
-        low = max(1.7 + 0.3 * metres, 0.3 * height)
-        target = frames.points(chart, np.array([width / 2]), np.array([max(height - low, height / 2)]))[0]
-        turn = np.radians(degrees)
-        away = np.sin(turn) * frames.normals()[chart] - np.cos(turn) * frames.axis_u[chart]
-        place = target + metres / np.sin(turn) * away - [0.0, 0.0, 0.25 * metres]
-        camera = PerspectiveCamera(place, target, 70.0, SIZE)
+        camera = wall_camera(flat.source, charts[k // 2 % len(charts)], degrees, metres)
         rows.append(
             np.concatenate([flat.picture(camera), np.full((SIZE[0], 4, 3), 255, np.uint8), deep.picture(camera)], 1)
         )
@@ -175,10 +224,15 @@ def count_in_depth(relief: TexturedMesh, chart: int) -> int:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("out", type=Path)
+    parser.add_argument("outs", type=Path, nargs="+", metavar="OUT")
     parser.add_argument("--sheet", type=Path)
+    parser.add_argument("--pairs", type=Path, help="folder of blind pairs")
+    parser.add_argument("--seed", type=int, default=7, help="of the views of pairs")
     given = parser.parse_args()
-    print(json.dumps(measure(given.out, given.sheet), indent=1))
+    if given.pairs:
+        print(json.dumps(draw_pairs(given.outs, given.pairs, given.seed)))
+    else:
+        print(json.dumps(measure(given.outs[0], given.sheet), indent=1))
 
 
 if __name__ == "__main__":

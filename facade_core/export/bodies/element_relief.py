@@ -47,13 +47,10 @@ def place_elements(wall: Polygon, elements: Sequence[Element]) -> list[ElementRe
     balconies = place_balconies(wall, elements)
     extended = extend_windows_behind_railings(elements, [box for _, box in balconies])
     placed = [*balconies, *place_openings(wall, extended)]
-    found = []
-    for element, outline in placed:
-        west, _, east, _ = outline.bounds
-        found.append(
-            ElementRelief(element.label, outline, element_depth(element, east - west), _is_cut(element, outline))
-        )
-    return found
+    return [
+        ElementRelief(element.label, outline, element_depth(element), _is_cut(element, outline))
+        for element, outline in placed
+    ]
 
 
 def _is_cut(element: Element, outline: Polygon) -> bool:

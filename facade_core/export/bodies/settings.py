@@ -100,7 +100,8 @@ class BalconySettings:
 
     Attributes
     ----------
-    min_wide_balcony_m : width from which a balcony has its full depth, metres.
+    platform_width_m, platform_height_m : minimum width, and minimum and maximum height of a balcony with a platform;
+        others are railings of windows, metres. Codes of buildings have railings of 0.9 to 1.1 m, above a slab.
     floor_thickness_m : thickness of a balcony's floor, metres.
     railing_thickness_m : thickness of a railing, metres.
     min_balcony_m : minimum width and height of a balcony, metres.
@@ -108,7 +109,8 @@ class BalconySettings:
     sill_above_floor_m : height above the balcony's floor at which such a window ends, metres.
     """
 
-    min_wide_balcony_m: float = 1.8
+    platform_width_m: float = 1.8
+    platform_height_m: tuple[float, float] = (0.75, 1.3)
     floor_thickness_m: float = 0.15
     railing_thickness_m: float = 0.06
     min_balcony_m: float = 0.5
@@ -132,20 +134,24 @@ class ElementDepth(NamedTuple):
     source: str
 
 
-# Depths by class, and of balconies by width, metres outward, where no pictures measure them. Openings: a recess between half a
+# Depths by class, and of balconies by size, metres outward, where no pictures measure them. Openings: a recess between half a
 # brick, 0.10 m (4 inches by London's Building Act of 1709; 0.075 m in Trafford's design code of today), and a brick, 0.21 m.
-# Stone and plaster of the 19th century are deeper. Balconies: room for a chair, and a step before a single window.
-ELEMENT_DEPTHS = {"window": -0.15, "door": -0.15, "shop": -0.15, "balcony": 0.9, "narrow balcony": 0.35}
+# Stone and plaster of the 19th century are deeper. Balconies: room for a chair; before a single window a railing without a
+# platform.
+ELEMENT_DEPTHS = {"window": -0.15, "door": -0.15, "shop": -0.15, "balcony": 0.9, "railing": 0.15}
 # Elements of all models stand out by at most this: pictures are not searched farther out.
 MAX_OUTWARD_M = PARALLAX.depths_m[1]
 
 
-def element_depth(element: Element, width_m: float) -> ElementDepth:
-    """Return the depth of an element, or that of its class and width; each balcony is wide or narrow."""
+def element_depth(element: Element, texels_per_metre: float = 1.0) -> ElementDepth:
+    """Return the depth of an element, or that of its class and size: a balcony has a platform, or is a railing."""
     if element.depth_m is not None:
         return ElementDepth(element.depth_m, element.depth_source)
-    is_narrow = element.label == "balcony" and width_m < BALCONY_SHAPES.min_wide_balcony_m
-    return ElementDepth(ELEMENT_DEPTHS["narrow balcony" if is_narrow else element.label], "assumed")
+    width, height = element.width / texels_per_metre, element.height / texels_per_metre
+    lowest, highest = BALCONY_SHAPES.platform_height_m
+    is_platform = width >= BALCONY_SHAPES.platform_width_m and lowest <= height <= highest
+    is_railing = element.label == "balcony" and not is_platform
+    return ElementDepth(ELEMENT_DEPTHS["railing" if is_railing else element.label], "assumed")
 
 
 @dataclass(frozen=True, slots=True)

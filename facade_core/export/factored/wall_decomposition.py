@@ -98,7 +98,7 @@ class WallDecomposition:
         density = self.facade.density
         for e in self.facade.elements:
             if e.label != "balcony" and e.x0 <= place.x * density <= e.x1 and e.y0 <= place.y * density <= e.y1:
-                return -element_depth(e, e.width / density).outward_m
+                return -element_depth(e, density).outward_m
         return -ELEMENT_DEPTHS["window"]
 
     def nearest_grain(self, y: float) -> tuple[int, Float32Array, WallBand] | None:

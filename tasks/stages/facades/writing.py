@@ -198,7 +198,7 @@ def _measure_faults(result: Facade, texels_per_metre: float) -> dict[str, float]
 def _describe_element(element: Element, texels_per_metre: float) -> list[str | float]:
     """Return an element's class, box in texels, confidence, depth in metres and what the depth rests on."""
     box = (round(side, 1) for side in (element.x0, element.y0, element.x1, element.y1))
-    depth = element_depth(element, element.width / texels_per_metre)
+    depth = element_depth(element, texels_per_metre)
     return [element.label, *box, round(element.confidence, 3), depth.outward_m, depth.source]
 
 
