@@ -11,6 +11,9 @@ from flows.cli.interrupts import REPEAT_MESSAGE, exit_on_signal
 
 def main() -> None:
     """Run the command line and exit the process with its code."""
+    if sys.flags.optimize:  # the checks of a store are then no checks
+        print("streetloom: Python's -O and PYTHONOPTIMIZE leave out checks; run it without them", file=sys.stderr)
+        os._exit(2)
     exit_on_signal(REPEAT_MESSAGE)
     _keep_library_warnings_off_terminal()
     from flows.server.proxies import exempt_loopback_from_proxies

@@ -153,7 +153,10 @@ def _prepare_for_children() -> Iterator[None]:
 
 
 def _start_local_cluster(workers: int) -> LocalCluster:
-    """Start local processes; tries again once if one dies. Raises ClusterGoneError."""
+    """Start local processes; tries again once if one dies. Raises ClusterGoneError.
+
+    They talk by TLS with a certificate of this cluster alone: any user of the machine reaches their ports.
+    """
     from distributed import LocalCluster
 
     place = {"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0", "threads_per_worker": 1}
@@ -161,7 +164,7 @@ def _start_local_cluster(workers: int) -> LocalCluster:
     for _ in range(2):
         try:
             with _prepare_for_children():
-                return LocalCluster(n_workers=workers, silence_logs=logging.CRITICAL, **place)
+                return LocalCluster(n_workers=workers, security=True, silence_logs=logging.CRITICAL, **place)
         except Exception as error:
             log.warning("local workers do not start: %s", error)
             cause = error

@@ -45,6 +45,13 @@ def one_line_and_code_2(result: subprocess.CompletedProcess) -> str:
     return result.stderr
 
 
+def test_a_python_without_checks_is_refused() -> None:
+    code = [sys.executable, "-O", "-m", "flows", "--help"]
+    ended = subprocess.run(code, cwd=ROOT, capture_output=True, text=True, check=False, timeout=300)
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert ended.stderr == "streetloom: Python's -O and PYTHONOPTIMIZE leave out checks; run it without them\n"
+
+
 def test_unknown_key_names_file_and_key(tmp_path: Path) -> None:
     block = tmp_path / "bad.yaml"
     block.write_text("name: x\nbuildigs: {path: a.pbf}\n")

@@ -15,7 +15,7 @@ from typing import Any
 
 import cloudpickle
 import pytest
-from distributed import LocalCluster
+from distributed import Client, LocalCluster
 
 from facade_core.core.errors import InputError
 from tasks.engine.compute import connect as compute
@@ -72,6 +72,15 @@ def test_a_failing_unit_fails_alone(where: compute.Compute) -> None:
     assert good.result()[0] == 9
     with pytest.raises(ValueError, match="unit 3"):
         bad.result()
+
+
+def test_other_users_of_the_machine_do_not_reach_local_workers() -> None:
+    with compute._start_local_client(1) as client:
+        address = client.scheduler.address
+        assert address.startswith("tls://127.0.0.1:")
+        for foreign in (address.replace("tls", "tcp"), address):
+            with pytest.raises((OSError, TimeoutError, TypeError)):
+                Client(foreign, timeout=2, set_as_default=False).close()
 
 
 def blocked_signals() -> set[signal.Signals | int]:
