@@ -20,6 +20,8 @@ from facade_core.export.bodies.settings import MAX_OUTWARD_M
 from facade_core.export.models.textured_mesh import TexturedMesh, VertexFrames
 from facade_core.geometry.charts import Charts, Mesh
 
+# Elements that are less likely stay flat, unless pictures measure their depth: what is no balcony would stand out as a box.
+MIN_PROBABILITY = 0.5
 # Corners of a box (least x and y, greatest x and y), counter-clockwise as seen from outside: columns of x and y.
 BOX_CORNERS = [[0, 3], [2, 3], [2, 1], [0, 1]]
 # Directions away from a box, in the chart's frame, at the edges from each of these corners to the next.
@@ -56,8 +58,8 @@ def build_wall_relief(
 ) -> ReliefFaces | None:
     """Build a wall with its elements in depth; None if it stays flat.
 
-    The outline of the wall keeps its vertices. Elements that the border or another element cuts, or that have no room, stay
-    flat.
+    The outline of the wall keeps its vertices. Elements that are unlikely, that the border or another element cuts, or that
+    have no room, stay flat.
 
     Parameters
     ----------
@@ -93,9 +95,8 @@ def _build_elements(
     space: WallSpace, outline: Polygon, elements: Sequence[Element]
 ) -> tuple[Float64Array, list[ReliefFaces]]:
     """Build the elements of a wall polygon; returns the holes (n, 4, 2) that they need, and their faces."""
-    placed = [
-        element for element in place_elements(outline, elements) if element.depth.outward_m and not element.is_cut
-    ]
+    likely = [e for e in elements if e.confidence >= MIN_PROBABILITY or e.depth_source == "parallax"]
+    placed = [element for element in place_elements(outline, likely) if element.depth.outward_m and not element.is_cut]
     boxes = np.array([element.outline.bounds for element in placed]).reshape(-1, 4)
     outward = np.array([element.depth.outward_m for element in placed])
     is_opening = outward < 0

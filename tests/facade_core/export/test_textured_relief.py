@@ -91,6 +91,14 @@ def test_cut_elements_and_those_without_room_stay_flat(coloured: TexturedMesh) -
     assert add_relief(coloured, {}) is coloured
 
 
+def test_an_unlikely_element_stays_flat_unless_its_depth_is_measured(coloured: TexturedMesh) -> None:
+    wall = longest_wall(coloured)
+    doubted = replace(WINDOW, confidence=0.4)
+    assert add_relief(coloured, {wall: [doubted]}) is coloured
+    measured = replace(doubted, depth_m=-0.2, depth_source="parallax")
+    assert add_relief(coloured, {wall: [measured]}) is not coloured
+
+
 def test_an_element_is_no_deeper_than_the_building(coloured: TexturedMesh) -> None:
     wall = longest_wall(coloured)
     charts, mesh = coloured.charts, coloured.mesh
