@@ -110,12 +110,26 @@ def connect(
 def start_shared_workers(workers: int) -> Iterator[str]:
     """Start local processes for several runs at once; yields the address of their scheduler.
 
+    Processes that are started meanwhile have its certificate in their environment, which only their owner can read.
+
     Raises
     ------
     ClusterGoneError : they do not start.
     """
     with _start_local_client(workers) as client:
-        yield str(client.scheduler_info()["address"])
+        security = client.security
+        given = {
+            "DASK_DISTRIBUTED__COMM__TLS__CA_FILE": security.tls_ca_file,
+            "DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT": security.tls_client_cert,
+            "DASK_DISTRIBUTED__COMM__TLS__CLIENT__KEY": security.tls_client_key,
+        }
+        before = {name: os.environ.get(name) for name in given}
+        os.environ.update(given)
+        try:
+            yield str(client.scheduler_info()["address"])
+        finally:
+            for name, value in before.items():
+                os.environ.pop(name) if value is None else os.environ.update({name: value})
 
 
 @contextmanager
