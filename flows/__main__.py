@@ -6,14 +6,12 @@ import os
 import sys
 from contextlib import suppress
 
-from flows.cli.interrupts import REPEAT_MESSAGE, exit_on_signal
+from flows.cli.interrupts import REPEAT_MESSAGE, exit_on_signal, refuse_python_without_checks
 
 
 def main() -> None:
     """Run the command line and exit the process with its code."""
-    if sys.flags.optimize:  # the checks of a store are then no checks
-        print("streetloom: Python's -O and PYTHONOPTIMIZE leave out checks; run it without them", file=sys.stderr)
-        os._exit(2)
+    refuse_python_without_checks()
     exit_on_signal(REPEAT_MESSAGE)
     _keep_library_warnings_off_terminal()
     from flows.server.proxies import exempt_loopback_from_proxies
