@@ -229,6 +229,8 @@ def main() -> None:
     parser.add_argument("--pairs", type=Path, help="folder of blind pairs")
     parser.add_argument("--seed", type=int, default=7, help="of the views of pairs")
     given = parser.parse_args()
+    if not given.pairs and len(given.outs) > 1:
+        parser.error("several outputs are drawn with --pairs only")
     if given.pairs:
         print(json.dumps(draw_pairs(given.outs, given.pairs, given.seed)))
     else:

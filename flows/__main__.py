@@ -6,16 +6,17 @@ import os
 import sys
 from contextlib import suppress
 
-from flows.cli.interrupts import REPEAT_MESSAGE, exit_on_signal, refuse_python_without_checks
+from flows.cli.interrupts import REPEAT_MESSAGE, exit_on_signal
 
 
 def main() -> None:
     """Run the command line and exit the process with its code."""
-    refuse_python_without_checks()
     exit_on_signal(REPEAT_MESSAGE)
     _keep_library_warnings_off_terminal()
+    from flows.cli.first_run import refuse_python_without_checks
     from flows.server.proxies import exempt_loopback_from_proxies
 
+    refuse_python_without_checks()
     exempt_loopback_from_proxies()
     from flows.cli.commands import command_line as commands
 

@@ -25,6 +25,11 @@ class PathKind(StrEnum):
     FOLDER = "folder"
     FILE_OR_FOLDER = "file or folder"
 
+    @property
+    def is_file(self) -> bool:
+        """Return whether the path must be a file."""
+        return self in (PathKind.FILE, PathKind.RASTER)
+
 
 class Effect(StrEnum):
     """What a changed setting makes pending."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 from pydantic import ValidationError
 
-from catalogs.block.declared_keys import DeclaredKey, PathKind, Section, declared_keys
+from catalogs.block.declared_keys import DeclaredKey, Section, declared_keys
 from catalogs.block.keys import BlockFileSettings
 from catalogs.block.paths import list_remedy
 from catalogs.block.yaml_files import find_key_line, read_yaml
@@ -89,7 +89,7 @@ def _format_fault(fault: ErrorDetails, known: DeclaredKeys) -> str:
     problem, shown = fault["msg"].removeprefix("Value error, "), short_repr(value)
     if kind == "value_error" or declared is None:
         return f"{key}: {problem}, got {shown}"
-    if declared.key.path in (PathKind.FILE, PathKind.RASTER) and (paths := _listed_paths(value)):
+    if declared.key.path is not None and declared.key.path.is_file and (paths := _listed_paths(value)):
         return f"{key}: {shown} is a list where one file is read; {list_remedy(paths)}"
     if "[" in key or isinstance(value, list):
         return f"{key}: {shown}: {problem}; write a {declared.value_type}"

@@ -109,7 +109,7 @@ def resolve_path(key: str, text: str, file: Path, kind: PathKind, *, file_kind: 
         ) from error
     except ValueError as error:  # a name that the file system cannot hold
         raise ValueError(f"{key}: {ascii(text)[:60]} is no path ({short_message(error)}); name another one") from error
-    if kind in (PathKind.FILE, PathKind.RASTER) and not stat.S_ISREG(mode):
+    if kind.is_file and not stat.S_ISREG(mode):
         what = (
             f"is a folder; {_folder_remedy(path, kind)}"
             if stat.S_ISDIR(mode)

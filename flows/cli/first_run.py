@@ -1,10 +1,12 @@
-"""Notices before a run begins: compilation of kernels, and blocks that should be cities."""
+"""What is said before a command begins: a Python without checks, kernels to compile, blocks that should be cities."""
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from flows.cli.exit_codes import EXIT_UNUSABLE
 from flows.cli.output import print_notice
 
 if TYPE_CHECKING:
@@ -12,6 +14,13 @@ if TYPE_CHECKING:
 
 # Facades of a block, above which `run` points to `city`: some ten blocks of 400 m in a dense town.
 MAX_BLOCK_FACADES = 2500
+
+
+def refuse_python_without_checks() -> None:
+    """End the process if Python leaves out assertions: a healthy store may then look broken."""
+    if sys.flags.optimize:
+        print_notice("Python's -O and PYTHONOPTIMIZE leave out checks; run it without them")
+        sys.exit(EXIT_UNUSABLE)
 
 
 def note_first_run() -> None:

@@ -95,10 +95,3 @@ def _exit_with_message(number: int, message: str) -> NoReturn:
         os._exit(128 + number)
     while True:  # the other one exits
         time.sleep(1.0)
-
-
-def refuse_python_without_checks() -> None:
-    """End the process if Python leaves out assertions: a healthy store may then look broken."""
-    if sys.flags.optimize:
-        sys.stderr.write("streetloom: Python's -O and PYTHONOPTIMIZE leave out checks; run it without them\n")
-        sys.exit(2)

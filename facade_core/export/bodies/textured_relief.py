@@ -20,7 +20,7 @@ from facade_core.export.bodies.settings import MAX_OUTWARD_M
 from facade_core.export.models.textured_mesh import TexturedMesh, VertexFrames
 from facade_core.geometry.charts import Charts, Mesh
 
-# Elements that are less likely stay flat, unless pictures measure their depth: what is no balcony would stand out as a box.
+# Less likely elements stay flat, unless pictures measure their depth: a false balcony would be a box before the wall.
 MIN_PROBABILITY = 0.5
 # Corners of a box (least x and y, greatest x and y), counter-clockwise as seen from outside: columns of x and y.
 BOX_CORNERS = [[0, 3], [2, 3], [2, 1], [0, 1]]

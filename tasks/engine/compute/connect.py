@@ -31,7 +31,8 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 # Where Dask reads what TLS needs.
-TLS = "DASK_DISTRIBUTED__COMM__TLS__CA_FILE, ..__TLS__CLIENT__CERT and ..__TLS__CLIENT__KEY"
+_TLS = "DASK_DISTRIBUTED__COMM__TLS__"
+CERTIFICATE_VARIABLES = (f"{_TLS}CA_FILE", f"{_TLS}CLIENT__CERT", f"{_TLS}CLIENT__KEY")
 # Settings of Dask in a process that starts workers or connects to them.
 _DASK_SETTINGS = {
     "distributed.worker.daemon": True,
@@ -118,18 +119,15 @@ def start_shared_workers(workers: int) -> Iterator[str]:
     """
     with _start_local_client(workers) as client:
         security = client.security
-        given = {
-            "DASK_DISTRIBUTED__COMM__TLS__CA_FILE": security.tls_ca_file,
-            "DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT": security.tls_client_cert,
-            "DASK_DISTRIBUTED__COMM__TLS__CLIENT__KEY": security.tls_client_key,
-        }
-        before = {name: os.environ.get(name) for name in given}
-        os.environ.update(given)
+        before = dict(os.environ)
+        values = (security.tls_ca_file, security.tls_client_cert, security.tls_client_key)
+        os.environ.update(zip(CERTIFICATE_VARIABLES, values, strict=True))
         try:
             yield str(client.scheduler_info()["address"])
         finally:
-            for name, value in before.items():
-                os.environ.pop(name) if value is None else os.environ.update({name: value})
+            for name in CERTIFICATE_VARIABLES:
+                os.environ.pop(name)
+                os.environ.update({name: before[name]} if name in before else {})
 
 
 @contextmanager
@@ -198,7 +196,9 @@ def require_scheduler(address: str, within: float = DEFAULT_TIMEOUTS.connect) ->
     from distributed.security import Security
 
     if address.startswith("tls:") and not Security().get_connection_args("client").get("ssl_context"):
-        raise InputError(f"--dask {address}: a certificate is needed; name its files by {TLS}")
+        raise InputError(
+            f"--dask {address}: a certificate is needed; name its files by {', '.join(CERTIFICATE_VARIABLES)}"
+        )
     try:
         scheme, place = parse_address(address)
         if scheme not in ("tcp", "tls"):

@@ -25,6 +25,7 @@ from facade_core.facade.exemplar_quality import ExemplarQuality
 from facade_core.plan.exemplar_choice import ExemplarTargetWalls, choose_exemplars
 from facade_core.plan.exemplar_inputs import target_walls_from_outlines
 from facade_core.plan.exemplar_style import ExemplarLibrary
+from facade_core.plan.kept_choices import Wall, keeps_choice, walls_by_building
 from facade_core.plan.plan import Plan
 from tasks.engine.inputs import split_key
 from tasks.engine.run import Run
@@ -35,34 +36,12 @@ from tasks.stages.facades.imagery import ChosenExemplar
 MAX_SHOP_DISTANCE_M = 15.0
 # Where a wall begins and ends at its foot, as shares of its chart.
 FOOT_CORNERS = np.array([[0.0, 1.0], [1.0, 1.0]])
-# A wall is unchanged while its width and height differ by less, metres.
-MAX_SIZE_CHANGE_M = 0.1
-# A building keeps its choice while so much of the width of its walls is unchanged: a neighbour may hide or uncover some.
-MIN_UNCHANGED_SHARE = 0.5
 # Attribute of the store's group of exemplars that holds the choices.
 CHOICES = "choices"
 
 
 # A stored choice as JSON has it.
 _Row = tuple[int, list[list[float]], str, str, str | None]
-
-
-class Wall(NamedTuple):
-    """Wall of a building as it was when its exemplar was chosen; metres."""
-
-    width: float
-    height: float
-    floors: int
-    has_shops: bool
-
-    def is_unchanged(self, before: Sequence[Wall]) -> bool:
-        """Return whether one of the earlier walls was the same."""
-        return any(
-            abs(self.width - one.width) < MAX_SIZE_CHANGE_M
-            and abs(self.height - one.height) < MAX_SIZE_CHANGE_M
-            and (self.floors, self.has_shops) == (one.floors, one.has_shops)
-            for one in before
-        )
 
 
 class StoredChoice(NamedTuple):
@@ -170,10 +149,10 @@ def choose_building_exemplars(
     for i, (one, picture) in enumerate(zip(usable, pictures, strict=True)):
         index.setdefault(one.name, i)
         index[one.name, picture] = i
-    own = _walls_by_building(walls)
+    own = walls_by_building(walls)
     kept: dict[int, StoredChoice] = {}
     for choice in stored:
-        if choice.exemplar in index and _keeps_choice(own.get(choice.building, ()), choice.walls):
+        if choice.exemplar in index and keeps_choice(own.get(choice.building, ()), choice.walls):
             kept[choice.building] = choice
 
     def find(choice: StoredChoice) -> int:
@@ -192,21 +171,6 @@ def choose_building_exemplars(
         now.append(StoredChoice(number, before, one.name, pictures[found[number]], _ground_floor_name(one)))
     replaced = {(choice.building, choice.walls) for choice in now}
     return chosen, [*(choice for choice in stored if (choice.building, choice.walls) not in replaced), *now]
-
-
-def _walls_by_building(walls: ExemplarTargetWalls) -> dict[int, tuple[Wall, ...]]:
-    found: dict[int, list[Wall]] = {}
-    sizes = np.round(np.column_stack([walls.width, walls.height]), 2).tolist()
-    facts = zip(walls.building.tolist(), sizes, walls.floors.tolist(), (walls.shops > 0).tolist(), strict=True)
-    for building, (width, height), floors, has_shops in facts:
-        found.setdefault(building, []).append(Wall(width, height, floors, has_shops))
-    return {building: tuple(sorted(own)) for building, own in found.items()}
-
-
-def _keeps_choice(walls: Sequence[Wall], before: Sequence[Wall]) -> bool:
-    """Return whether enough of the width of a building's walls is as it was when it chose."""
-    unchanged = sum(wall.width for wall in walls if wall.is_unchanged(before))
-    return bool(walls) and unchanged >= MIN_UNCHANGED_SHARE * sum(wall.width for wall in walls)
 
 
 def _with_ground_floor(one: ChosenExemplar, name: str | None, usable: Sequence[ChosenExemplar]) -> ChosenExemplar:
@@ -275,7 +239,7 @@ def exemplar_choice_walls(plan: Plan, block: Block, shops: Int64Array) -> Exempl
         buildings = [*(building for building in block.buildings if building.id in own), *block.part.distant_buildings]
         return target_walls_from_outlines(buildings, block.part.front_streets, block.part.shop_flags, block.storey)
     facades = plan.facades
-    # Who is a neighbour is told on the street; of a building that no street sees, by all its walls.
+    # Neighbours are found by the walls at streets; for a building that no street sees, by all its walls.
     seen = facades.seen > 0
     told = np.flatnonzero(seen | ~np.isin(facades.house, facades.house[seen]))
     return ExemplarTargetWalls(

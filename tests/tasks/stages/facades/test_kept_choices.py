@@ -55,7 +55,7 @@ def choose(
     return {number: one.names for number, one in chosen.items()}, choices
 
 
-def changed(before: Mapping[int, str], after: Mapping[int, str]) -> set[int]:
+def restyled_houses(before: Mapping[int, str], after: Mapping[int, str]) -> set[int]:
     return {house - 1000 for house in before.keys() & after.keys() if before[house] != after[house]}
 
 
@@ -63,10 +63,10 @@ def test_a_raised_house_chooses_alone() -> None:
     first, stored = choose(street(), exemplars(NAMES))
     for house in range(HOUSES):
         raised = street({house: 24.0})
-        assert changed(first, choose(raised, exemplars(NAMES), stored)[0]) <= {house}
-    assert any(len(changed(first, choose(street({h: 24.0}), exemplars(NAMES))[0])) > 1 for h in range(HOUSES)), (
-        "without its choices a block changes more than one house"
-    )
+        assert restyled_houses(first, choose(raised, exemplars(NAMES), stored)[0]) <= {house}
+    assert any(
+        len(restyled_houses(first, choose(street({h: 24.0}), exemplars(NAMES))[0])) > 1 for h in range(HOUSES)
+    ), "without its choices a block changes more than one house"
 
 
 def test_choices_are_those_of_the_sequence_of_inputs() -> None:
@@ -82,13 +82,13 @@ def test_a_removed_exemplar_changes_its_own_walls() -> None:
     first, stored = choose(street(), exemplars(NAMES))
     for name in NAMES:
         others, _ = choose(street(), exemplars(NAMES.replace(name, "")), stored)
-        assert changed(first, others) == {house - 1000 for house, one in first.items() if one == name}
+        assert restyled_houses(first, others) == {house - 1000 for house, one in first.items() if one == name}
 
 
 def test_new_houses_and_exemplars_change_no_other() -> None:
     first, stored = choose(street(houses=range(1, HOUSES)), exemplars(NAMES))
     more, _ = choose(street(), exemplars(f"{NAMES}klm"), stored)
-    assert changed(first, more) == set()
+    assert restyled_houses(first, more) == set()
     assert more.keys() - first.keys() == {1000}
     assert more[1000] != more[1001], "the new house differs from its neighbour"
 
@@ -97,7 +97,7 @@ def test_a_ground_floor_stays_with_its_exemplar() -> None:
     first, stored = choose(street(), exemplars("abcd", {"a": 0.1}))
     assert any(one.startswith("a, ") for one in first.values())
     others, _ = choose(street(), exemplars("abcdefgh", {"a": 0.1}), stored)
-    assert changed(first, others) == set()
+    assert restyled_houses(first, others) == set()
 
 
 def test_a_wall_that_a_neighbour_hides_leaves_the_choice() -> None:
@@ -111,4 +111,4 @@ def test_a_wall_that_a_neighbour_hides_leaves_the_choice() -> None:
         return ExemplarTargetWalls(**joined)
 
     first, stored = choose(with_gable([3, 7]), exemplars(NAMES))
-    assert changed(first, choose(with_gable([7]), exemplars(NAMES), stored)[0]) == set()
+    assert restyled_houses(first, choose(with_gable([7]), exemplars(NAMES), stored)[0]) == set()
