@@ -82,7 +82,7 @@ def build_facade(street: SyntheticStreet, number: int, elements: Sequence[Elemen
     used, triangles = np.unique(own, return_inverse=True)
     built = [e for e in elements if e.depth_m]
     position, shown = scene.mesh.vertices[used], triangles.reshape(-1, 3)
-    faces = build_wall_relief(scene.charts, chart, position, shown, built, [])
+    faces = build_wall_relief(scene.charts, chart, position, shown, built, [], lambda _: False)
     if faces is not None:
         position, shown = faces.position, faces.triangles
     flat = scene.charts.coordinates(np.full(len(position), chart), position)

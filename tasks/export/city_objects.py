@@ -177,9 +177,9 @@ def _roof_attributes(row: JsonObject) -> JsonObject:
 
 
 def facade_layouts(results: PublishedBlock, buildings: IntArray) -> dict[int, list[Element]]:
-    """Read the elements of finished facades by chart, in metres, with ledges detected in their pictures."""
+    """Read the elements of finished facades by chart, in metres, aligned with their pictures, and with ledges."""
     from facade_core.atlas.rasters import read_chart_raster
-    from facade_core.export.bodies.ledges import detect_ledges
+    from facade_core.export.bodies.alignment import align_with_picture
 
     placement = results.plan.scene.placement
     layouts = facade_elements(results, buildings)
@@ -187,7 +187,8 @@ def facade_layouts(results: PublishedBlock, buildings: IntArray) -> dict[int, li
         seed, labels = (
             read_chart_raster(results.group, placement, chart, name) for name in ("atlas/seed", "facade_maps/labels")
         )
-        elements += detect_ledges(seed, labels, elements, float(placement.texels_per_metre[chart]))
+        density = np.full(2, placement.texels_per_metre[chart])
+        layouts[chart] = align_with_picture(seed, density, elements, labels)
     return layouts
 
 

@@ -95,6 +95,29 @@ WALL_OPENINGS = OpeningSettings()
 
 
 @dataclass(frozen=True, slots=True)
+class AlignmentSettings:
+    """Numbers of the alignment of openings with their picture.
+
+    Attributes
+    ----------
+    max_shift_m : a side moves by at most this, metres.
+    step_m : width of the strips at either side of an edge that are compared, metres.
+    side_share : middle share of a side whose edge counts.
+    min_step : steps below this are no edge, grey levels.
+    nearly_highest : the outermost step counts that is at least this share of the highest.
+    """
+
+    max_shift_m: float = 0.15
+    step_m: float = 0.08
+    side_share: float = 0.7
+    min_step: float = 12.0
+    nearly_highest: float = 0.7
+
+
+ALIGNMENT = AlignmentSettings()
+
+
+@dataclass(frozen=True, slots=True)
 class BalconySettings:
     """Numbers of balconies.
 
@@ -119,6 +142,29 @@ class BalconySettings:
 
 
 BALCONY_SHAPES = BalconySettings()
+
+
+@dataclass(frozen=True, slots=True)
+class RailingSettings:
+    """Numbers of railings that are seen through. Codes of buildings allow gaps of 0.10 to 0.12 m.
+
+    Attributes
+    ----------
+    handrail_m : height and depth of the handrail, metres.
+    bar_spacing_m : distance from bar to bar, metres.
+    bar_width_m : width of a bar, metres.
+    min_contrast : standard deviation of the grey levels of columns, below which pictures do not say what is behind.
+    min_correlation : correlation of the columns above and behind a railing that is seen through.
+    """
+
+    handrail_m: float = 0.06
+    bar_spacing_m: float = 0.12
+    bar_width_m: float = 0.025
+    min_contrast: float = 6.0
+    min_correlation: float = 0.5
+
+
+RAILINGS = RailingSettings()
 
 
 class ElementDepth(NamedTuple):

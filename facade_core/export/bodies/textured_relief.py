@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -12,11 +13,14 @@ from shapely import Polygon
 
 from facade_core.core.arrays import Float64Array, Int64Array, IntArray
 from facade_core.core.types import Element
+from facade_core.export.bodies.alignment import align_with_picture
 from facade_core.export.bodies.balconies import balcony_faces
 from facade_core.export.bodies.element_relief import place_elements
+from facade_core.export.bodies.ledges import ledge_faces, place_ledges
 from facade_core.export.bodies.openings import chart_outlines
+from facade_core.export.bodies.railings import is_seen_through, railing_quads
 from facade_core.export.bodies.recess import WallSpace
-from facade_core.export.bodies.settings import MAX_OUTWARD_M
+from facade_core.export.bodies.settings import ALIGNMENT, LEDGES, MAX_OUTWARD_M
 from facade_core.export.models.textured_mesh import TexturedMesh, VertexFrames
 from facade_core.geometry.charts import Charts, Mesh
 
@@ -55,6 +59,7 @@ def build_wall_relief(
     triangles: IntArray,
     elements: Sequence[Element],
     behind: list[Float64Array],
+    is_open: Callable[[Polygon], bool],
 ) -> ReliefFaces | None:
     """Build a wall with its elements in depth; None if it stays flat.
 
@@ -69,6 +74,7 @@ def build_wall_relief(
     triangles : (t, 3) vertex indices of the wall's triangles.
     elements : elements of the wall, metres, y down.
     behind : triangles (t, 3, 3) of surfaces that no element may meet.
+    is_open : returns whether the railing of a balcony's rectangle is seen through.
 
     Returns
     -------
@@ -82,7 +88,7 @@ def build_wall_relief(
         flat = shapely.get_coordinates(outline)
         corners = position[[known[x, y] for x, y in flat.tolist()]]
         space = WallSpace(charts, chart, corners, behind)
-        holes, found = _build_elements(space, outline, elements)
+        holes, found = _build_elements(space, outline, elements, is_open)
         wall = _triangulate_wall(outline, np.concatenate([corners, space.points(holes.reshape(-1, 2))]), holes)
         if wall is None:
             return None
@@ -92,7 +98,7 @@ def build_wall_relief(
 
 
 def _build_elements(
-    space: WallSpace, outline: Polygon, elements: Sequence[Element]
+    space: WallSpace, outline: Polygon, elements: Sequence[Element], is_open: Callable[[Polygon], bool]
 ) -> tuple[Float64Array, list[ReliefFaces]]:
     """Build the elements of a wall polygon; returns the holes (n, 4, 2) that they need, and their faces."""
     likely = [e for e in elements if e.confidence >= MIN_PROBABILITY or e.depth_source == "parallax"]
@@ -107,7 +113,14 @@ def _build_elements(
     bodies = [element for element, opening in zip(placed, is_opening.tolist(), strict=True) if not opening]
     for element, is_free in zip(bodies, has_room.tolist(), strict=True):
         if is_free:
-            faces.append(_build_balcony(space, element.outline, element.depth.outward_m))
+            build = _build_railing if is_open(element.outline) else _build_balcony
+            faces.append(build(space, element.outline, element.depth.outward_m))
+    ledges = place_ledges(outline, elements)
+    edges = np.array([box.bounds for box in ledges]).reshape(-1, 4)
+    has_room = space.has_room(edges, np.full(len(edges), LEDGES.ledge_depth_m))
+    for box, is_free in zip(ledges, has_room.tolist(), strict=True):
+        if is_free:
+            faces.append(_build_ledge(space, box))
     return holes, faces
 
 
@@ -125,10 +138,17 @@ def _build_recesses(space: WallSpace, holes: Float64Array, depth: Float64Array) 
     inward = np.zeros((len(holes), 5, 4))
     inward[:, 0] = depth[:, None]
     inward[:, 1:, 2:] = depth[:, None, None]
-    # reveals show the wall next to the opening, mirrored
+    # reveals show the wall next to the opening, mirrored, from where the blur of the edge ends
     shown = corners.copy()
-    shown[:, 1:, 2:] += (AWAY * depth[:, None, None])[:, :, None]
+    shown[:, 1:] += ALIGNMENT.step_m * AWAY[:, None]
+    shown[:, 1:, 2:] += (AWAY * depth[:, None, None] / 2)[:, :, None]
     return _quad_faces(space, corners.reshape(-1, 4, 2), -inward.reshape(-1, 4), shown.reshape(-1, 4, 2))
+
+
+def _build_railing(space: WallSpace, box: Polygon, far: float) -> ReliefFaces:
+    """Build a balcony whose railing is seen through."""
+    quads, places = railing_quads(box, far)
+    return _quad_faces(space, quads[..., :2], quads[..., 2], places)
 
 
 def _build_balcony(space: WallSpace, box: Polygon, far: float) -> ReliefFaces:
@@ -137,6 +157,13 @@ def _build_balcony(space: WallSpace, box: Polygon, far: float) -> ReliefFaces:
     rings = np.array([*(ring for ring, _ in sides), *rim_ring[RIM_QUADS]], float)
     places = np.array([*(place for _, place in sides), *rim_place[RIM_QUADS]])
     return _quad_faces(space, rings[..., :2], rings[..., 2], places)
+
+
+def _build_ledge(space: WallSpace, box: Polygon) -> ReliefFaces:
+    """Build a ledge, without the face against the wall."""
+    sides = ledge_faces(box)[:-1]
+    rings = np.array([ring for (ring,), _, _ in sides], float)
+    return _quad_faces(space, rings[..., :2], rings[..., 2], np.array([place for _, (place,), _ in sides]))
 
 
 def _quad_faces(space: WallSpace, flat: Float64Array, outward: Float64Array, places: Float64Array) -> ReliefFaces:
@@ -196,6 +223,7 @@ def add_relief(source: TexturedMesh, layouts: Mapping[int, Sequence[Element]]) -
         if charts.building[chart] < 0:
             continue
         used, triangles = np.unique(mesh.triangles[mesh.chart_triangles(chart)], return_inverse=True)
+        layout = align_with_picture(source.raster(chart), source.texels[chart] / source.extent[chart], layouts[chart])
         near = [other for other in charts.charts_within(chart, MAX_OUTWARD_M).tolist() if charts.building[other] >= 0]
         surfaces = [mesh.vertices[mesh.triangles[mesh.chart_triangles(other)]] for other in near]
         own = [walls[n] for n in near if n in walls and charts.building[n] == charts.building[chart]]
@@ -204,12 +232,17 @@ def add_relief(source: TexturedMesh, layouts: Mapping[int, Sequence[Element]]) -
             chart,
             mesh.vertices[used],
             triangles.reshape(-1, 3),
-            layouts[chart],
+            layout,
             [*surfaces, *(wall.position[wall.triangles] for wall in own)],
+            partial(_is_seen_through, source, chart),
         )
         if found is not None:
             walls[chart] = found
     return _replace_walls(source, walls) if walls else source
+
+
+def _is_seen_through(source: TexturedMesh, chart: int, box: Polygon) -> bool:
+    return is_seen_through(source.raster(chart), source.texels[chart] / source.extent[chart], box)
 
 
 def _replace_walls(source: TexturedMesh, walls: Mapping[int, ReliefFaces]) -> TexturedMesh:

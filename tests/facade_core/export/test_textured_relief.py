@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -197,3 +198,47 @@ def test_nodes_have_unit_frames_and_texture_coordinates_on_their_page(coloured: 
         assert set(hand.tolist()) == {1.0, -1.0}, "reveals are mirrored"
         assert (primitive.uv >= 0).all()
         assert (primitive.uv <= 1).all()
+
+
+def paint(source: TexturedMesh, wall: int, boxes: Sequence[tuple[float, float, float, float, int]]) -> TexturedMesh:
+    """The mesh with a light grey wall on which boxes in metres have a grey level each."""
+    columns, rows = source.texels[wall].tolist()
+    drawn = np.full((rows, columns, 3), 180, np.uint8)
+    across, down = source.texels[wall] / source.extent[wall]
+    for x0, y0, x1, y1, grey in boxes:
+        drawn[round(y0 * down) : round(y1 * down), round(x0 * across) : round(x1 * across)] = grey
+    return replace(source, raster=lambda chart: drawn if chart == wall else source.raster(chart))
+
+
+def cast_at_wall(deep: TexturedMesh, wall: int, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Metres before the wall at which rays from the front meet the mesh."""
+    out = deep.charts.normals()[wall]
+    start = deep.charts.points(wall, x, y) + 1.5 * out
+    depth, _ = RayCaster(deep.mesh).cast(start, np.broadcast_to(-out, start.shape))
+    return 1.5 - depth
+
+
+def test_a_railing_is_seen_through_where_windows_continue_behind_it(coloured: TexturedMesh) -> None:
+    wall = longest_wall(coloured)
+    above = [(4.5, 2.0, 5.2, 3.0, 60), (5.8, 2.0, 6.5, 3.0, 60)]
+    behind = [(4.5, 3.0, 5.2, 3.9, 40), (5.8, 3.0, 6.5, 3.9, 40)]
+    x = np.arange(4.01, 7, 0.005)
+    rows = np.full(len(x), 3.4)
+    through = add_relief(paint(coloured, wall, [*above, *behind]), {wall: [BALCONY]})
+    depth = cast_at_wall(through, wall, x, rows)
+    assert {0, 90} == set(np.rint(100 * depth).astype(int).tolist())
+    assert 0.1 < (depth > 0.5).mean() < 0.35, "bars are seldom in the way"
+    for y in (3.03, 3.95):  # handrail and floor
+        np.testing.assert_allclose(cast_at_wall(through, wall, x, np.full(len(x), y)), 0.9, atol=1e-3)
+    parapet = add_relief(paint(coloured, wall, above), {wall: [BALCONY]})
+    np.testing.assert_allclose(cast_at_wall(parapet, wall, x, rows), 0.9, atol=1e-3)
+
+
+def test_a_light_band_of_the_picture_stands_out_as_a_ledge(coloured: TexturedMesh) -> None:
+    wall = longest_wall(coloured)
+    width = float(coloured.charts.size[wall, 0])
+    window = Element("window", 1.0, 1.0, 2.0, 1.6)
+    for grey, outward in ((250, 0.08), (180, 0.0)):
+        deep = add_relief(paint(coloured, wall, [(0, 2.0, width, 2.4, grey)]), {wall: [window]})
+        x = np.arange(0.3, width - 0.3, 0.1)
+        np.testing.assert_allclose(cast_at_wall(deep, wall, x, np.full(len(x), 2.2)), outward, atol=2e-3)
