@@ -15,7 +15,6 @@ import json
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +25,7 @@ from PIL import Image
 from benchmarks.blind_answers import write_key
 from benchmarks.blind_pairs import PAIRS, sheet
 from facade_core.core.arrays import Float64Array, UInt8Array
+from facade_core.core.types import Element
 from facade_core.export.bodies.textured_relief import add_relief
 from facade_core.export.models.encoders import ENCODERS
 from facade_core.export.models.glb import encode_glb
@@ -156,7 +156,7 @@ def draw_pairs(outs: Sequence[Path], to: Path, seed: int) -> dict[str, Any]:
             source = results.textured_mesh
             relief = add_relief(source, elements)
             flat, deep = Renderer(source), Renderer(relief)
-            rich = [chart for chart in elements if count_in_depth(relief, chart) >= MIN_ELEMENTS]
+            rich = [chart for chart in elements if count_in_depth(relief, chart, elements[chart]) >= MIN_ELEMENTS]
             cameras = open_views(flat, rich, (PAIRS - len(views)) // (len(outs) - number), rng)
             views += [(flat.picture(camera), deep.picture(camera)) for camera in cameras]
     turned = rng.random(len(views)) < 0.5
@@ -195,7 +195,10 @@ def measure(out: Path, sheet: Path | None) -> dict[str, Any]:
             for chart in elements
             if len(relief.mesh.chart_triangles(chart)) > len(source.mesh.chart_triangles(chart))
         ]
-        depth = partial(count_in_depth, relief)
+
+        def depth(chart: int) -> int:
+            return count_in_depth(relief, chart, [e for e in elements[chart] if e.label in IN_DEPTH])
+
         known = sum(e.label in IN_DEPTH for chart in elements for e in elements[chart])
         built = sum(map(depth, changed))
         lit, _ = mesh_with_requested_lighting(results, True, False, OFF, lit_by_default=True)
@@ -214,12 +217,14 @@ def measure(out: Path, sheet: Path | None) -> dict[str, Any]:
     return figures
 
 
-def count_in_depth(relief: TexturedMesh, chart: int) -> int:
-    """Count the elements of a wall in depth by their fronts, two triangles each, which are before or behind its plane."""
+def count_in_depth(relief: TexturedMesh, chart: int, elements: Sequence[Element]) -> int:
+    """Count the elements of a wall in depth: those in which a front is before or behind the wall's plane."""
     own = relief.mesh.triangles[relief.mesh.chart_triangles(chart)]
     out = relief.charts.normals()[chart]
     offset = (relief.mesh.vertices[own].mean(axis=1) - relief.charts.origin[chart]) @ out
-    return int(((relief.normals[own[:, 0]] @ out > 0.99) & (np.abs(offset) > MIN_OFFSET_M)).sum()) // 2
+    is_front = (relief.normals[own[:, 0]] @ out > 0.99) & (np.abs(offset) > MIN_OFFSET_M)
+    x, y = relief.coordinates[own[is_front]].mean(axis=1).T
+    return sum(bool(((e.x0 < x) & (x < e.x1) & (e.y0 < y) & (y < e.y1)).any()) for e in elements)
 
 
 def main() -> None:

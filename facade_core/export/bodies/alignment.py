@@ -67,7 +67,7 @@ def _span(first: float, last: float, density: float) -> slice:
 
 
 def _align_side(profile: Float64Array, side: float, density: float, outward: int) -> float:
-    """Return where a side is: at the outermost step of a profile (n, 3) that is nearly as high as the highest, metres."""
+    """Return where a side is: at the outermost of the high steps of a profile (n, 3), metres."""
     reach, width = round(ALIGNMENT.max_shift_m * density), max(1, round(ALIGNMENT.step_m * density))
     places = round(side * density) + outward * np.arange(reach, -reach - 1, -1)
     places = places[(places >= width) & (places <= len(profile) - width)]
@@ -77,4 +77,6 @@ def _align_side(profile: Float64Array, side: float, density: float, outward: int
     step = np.abs(total[places + width] + total[places - width] - 2 * total[places]).max(axis=1) / width
     if step.max() < ALIGNMENT.min_step:
         return side
-    return float(places[np.argmax(step >= ALIGNMENT.nearly_highest * step.max())] / density)
+    around = np.pad(step, 1)
+    is_edge = (step >= np.maximum(around[:-2], around[2:])) & (step >= ALIGNMENT.high_share * step.max())
+    return float(places[np.argmax(is_edge)] / density)

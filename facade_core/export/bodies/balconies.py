@@ -39,7 +39,7 @@ def extend_windows_behind_railings(elements: Sequence[Element], balconies: Seque
     """Extend windows whose foot is hidden by a balcony down to its floor.
 
     The parse labels the railing as balcony, but people step out through the opening behind it. Only windows between
-    the ends of the railing are extended.
+    the ends of the railing, or hardly wider, are extended.
     """
     found = []
     bounds = [box.bounds for box in balconies]
@@ -47,8 +47,8 @@ def extend_windows_behind_railings(elements: Sequence[Element], balconies: Seque
         for x0, y0, x1, y1 in bounds if element.label == "window" else ():
             floor = y1 - min(BALCONY_SHAPES.floor_thickness_m, (y1 - y0) / 3) - BALCONY_SHAPES.sill_above_floor_m
             between = (
-                x0 + BALCONY_SHAPES.railing_thickness_m <= element.x0
-                and element.x1 <= x1 - BALCONY_SHAPES.railing_thickness_m
+                x0 - BALCONY_SHAPES.max_beside_railing_m <= element.x0
+                and element.x1 <= x1 + BALCONY_SHAPES.max_beside_railing_m
             )
             if between and element.y0 < y0 and y0 - BALCONY_SHAPES.max_above_railing_m <= element.y1 < floor:
                 element = replace(element, y1=floor)

@@ -10,7 +10,7 @@ from facade_core.export.bodies.settings import BALCONY_SHAPES, RAILINGS
 
 
 def is_seen_through(raster: UInt8Array, texels_per_metre: Float64Array, box: Polygon) -> bool:
-    """Return whether what is above a balcony continues behind its railing: its columns of light and dark do.
+    """Return whether a balcony's railing is seen through: its columns differ in light, those of a parapet are alike.
 
     Parameters
     ----------
@@ -19,26 +19,15 @@ def is_seen_through(raster: UInt8Array, texels_per_metre: Float64Array, box: Pol
     box : rectangle of the balcony in the chart's frame, metres.
     """
     x0, y0, x1, y1 = box.bounds
-    floor = balcony_floor(y0, y1)
-    behind = _column_light(raster, texels_per_metre, (x0, y0 + RAILINGS.handrail_m, x1, floor))
-    above = _column_light(raster, texels_per_metre, (x0, 2 * y0 - floor, x1, y0))
-    if min(len(behind), len(above)) < 3 or min(behind.std(), above.std()) < RAILINGS.min_contrast:
-        return False
-    return bool(np.corrcoef(behind, above)[0, 1] >= RAILINGS.min_correlation)
+    corners = np.array([x0, y0 + RAILINGS.handrail_m, x1, balcony_floor(y0, y1)]) * np.tile(texels_per_metre, 2)
+    left, top, right, foot = np.maximum(np.rint(corners), 0).astype(int).tolist()
+    behind = raster[top:foot, left:right]
+    return behind.size > 0 and float(behind.mean(axis=(0, 2)).std()) >= RAILINGS.min_contrast
 
 
 def balcony_floor(y0: float, y1: float) -> float:
     """Return the row of the floor of a balcony from `y0` down to `y1`, metres."""
     return y1 - min(BALCONY_SHAPES.floor_thickness_m, (y1 - y0) / 3)
-
-
-def _column_light(
-    raster: UInt8Array, texels_per_metre: Float64Array, box: tuple[float, float, float, float]
-) -> Float64Array:
-    """Return the mean grey level of each column of a box in metres."""
-    first_column, first_row, last_column, last_row = np.rint(np.array(box) * np.tile(texels_per_metre, 2)).astype(int)
-    part = raster[max(first_row, 0) : last_row, max(first_column, 0) : last_column]
-    return part.mean(axis=(0, 2)) if part.size else np.zeros(0)
 
 
 def railing_quads(box: Polygon, far: float) -> tuple[Float64Array, Float64Array]:

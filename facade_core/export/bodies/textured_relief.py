@@ -14,13 +14,13 @@ from shapely import Polygon
 from facade_core.core.arrays import Float64Array, Int64Array, IntArray
 from facade_core.core.types import Element
 from facade_core.export.bodies.alignment import align_with_picture
-from facade_core.export.bodies.balconies import balcony_faces
+from facade_core.export.bodies.balconies import balcony_faces, extend_windows_behind_railings, place_balconies
 from facade_core.export.bodies.element_relief import place_elements
 from facade_core.export.bodies.ledges import ledge_faces, place_ledges
 from facade_core.export.bodies.openings import chart_outlines
 from facade_core.export.bodies.railings import is_seen_through, railing_quads
 from facade_core.export.bodies.recess import WallSpace
-from facade_core.export.bodies.settings import ALIGNMENT, LEDGES, MAX_OUTWARD_M
+from facade_core.export.bodies.settings import LEDGES, MAX_OUTWARD_M
 from facade_core.export.models.textured_mesh import TexturedMesh, VertexFrames
 from facade_core.geometry.charts import Charts, Mesh
 
@@ -30,6 +30,8 @@ MIN_PROBABILITY = 0.5
 BOX_CORNERS = [[0, 3], [2, 3], [2, 1], [0, 1]]
 # Directions away from a box, in the chart's frame, at the edges from each of these corners to the next.
 AWAY = np.array([[0.0, 1], [1, 0], [0, -1], [-1, 0]])
+# A reveal shows this much of the wall next to its opening, as share of its depth.
+REVEAL_SHARE = 0.2
 # Quadrilaterals of the U-shaped rim of a railing, as indices of its corners.
 RIM_QUADS = [[0, 1, 6, 7], [1, 2, 5, 6], [2, 3, 4, 5]]
 QUAD_TRIANGLES = np.array([[0, 1, 2], [0, 2, 3]])
@@ -101,7 +103,8 @@ def _build_elements(
     space: WallSpace, outline: Polygon, elements: Sequence[Element], is_open: Callable[[Polygon], bool]
 ) -> tuple[Float64Array, list[ReliefFaces]]:
     """Build the elements of a wall polygon; returns the holes (n, 4, 2) that they need, and their faces."""
-    likely = [e for e in elements if e.confidence >= MIN_PROBABILITY or e.depth_source == "parallax"]
+    extended = extend_windows_behind_railings(elements, [box for _, box in place_balconies(outline, elements)])
+    likely = [e for e in extended if e.confidence >= MIN_PROBABILITY or e.depth_source == "parallax"]
     placed = [element for element in place_elements(outline, likely) if element.depth.outward_m and not element.is_cut]
     boxes = np.array([element.outline.bounds for element in placed]).reshape(-1, 4)
     outward = np.array([element.depth.outward_m for element in placed])
@@ -115,7 +118,7 @@ def _build_elements(
         if is_free:
             build = _build_railing if is_open(element.outline) else _build_balcony
             faces.append(build(space, element.outline, element.depth.outward_m))
-    ledges = place_ledges(outline, elements)
+    ledges = place_ledges(outline, extended)
     edges = np.array([box.bounds for box in ledges]).reshape(-1, 4)
     has_room = space.has_room(edges, np.full(len(edges), LEDGES.ledge_depth_m))
     for box, is_free in zip(ledges, has_room.tolist(), strict=True):
@@ -138,10 +141,9 @@ def _build_recesses(space: WallSpace, holes: Float64Array, depth: Float64Array) 
     inward = np.zeros((len(holes), 5, 4))
     inward[:, 0] = depth[:, None]
     inward[:, 1:, 2:] = depth[:, None, None]
-    # reveals show the wall next to the opening, mirrored, from where the blur of the edge ends
+    # reveals show what the picture has at the cut: wall in shade, where it blends into the opening
     shown = corners.copy()
-    shown[:, 1:] += ALIGNMENT.step_m * AWAY[:, None]
-    shown[:, 1:, 2:] += (AWAY * depth[:, None, None] / 2)[:, :, None]
+    shown[:, 1:, 2:] += (REVEAL_SHARE * AWAY * depth[:, None, None])[:, :, None]
     return _quad_faces(space, corners.reshape(-1, 4, 2), -inward.reshape(-1, 4), shown.reshape(-1, 4, 2))
 
 

@@ -218,7 +218,7 @@ def cast_at_wall(deep: TexturedMesh, wall: int, x: np.ndarray, y: np.ndarray) ->
     return 1.5 - depth
 
 
-def test_a_railing_is_seen_through_where_windows_continue_behind_it(coloured: TexturedMesh) -> None:
+def test_a_railing_is_seen_through_where_its_columns_differ(coloured: TexturedMesh) -> None:
     wall = longest_wall(coloured)
     above = [(4.5, 2.0, 5.2, 3.0, 60), (5.8, 2.0, 6.5, 3.0, 60)]
     behind = [(4.5, 3.0, 5.2, 3.9, 40), (5.8, 3.0, 6.5, 3.9, 40)]
