@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from flows.cli.output import print_line
-from flows.cli.paths import EXISTING_FILE
+from flows.cli.paths import EXISTING_FILE, EXISTING_FOLDER
 
 if TYPE_CHECKING:
     from facade_core.core.json_types import JsonObject
@@ -23,8 +23,13 @@ if TYPE_CHECKING:
 )
 @click.option("--workers", default=2, show_default=True, type=click.IntRange(1, 256), help="Number of local processes.")
 @click.option("--json", "as_json", is_flag=True, help="Print a JSON object.")
-def plan_command(city_file: Path, at_once: int, workers: int, as_json: bool) -> None:
+@click.option(
+    "--out", type=EXISTING_FOLDER, help="Folder of an earlier run of the block: say what a run would change there."
+)
+def plan_command(city_file: Path, at_once: int, workers: int, as_json: bool, out: Path | None) -> None:
     """Estimate the cost of a city, of a city of block files, or of a block file, before its first run.
+
+    With --out, say what a run of a block file would do again after changes; nothing is changed.
 
     Counts the whole map, and corrects the counts by a sample of parts that are planned as a run plans them.
 
@@ -32,7 +37,11 @@ def plan_command(city_file: Path, at_once: int, workers: int, as_json: bool) -> 
     Examples:
       streetloom plan helsinki.yaml --at-once 4 --workers 8
       streetloom plan block.yaml
+      streetloom plan block.yaml --out out/block
     """
+    if out:
+        _print_changes(city_file, out, as_json)
+        return
     from flows.step_reporter import report_steps
     from tasks.city.cost import load_cost_model
     from tasks.city.estimated_counts import estimate_counts
@@ -46,6 +55,17 @@ def plan_command(city_file: Path, at_once: int, workers: int, as_json: bool) -> 
         return
     for line in _describe_estimate(counts, estimate, workers, at_once):
         print_line(line)
+
+
+def _print_changes(block_file: Path, out: Path, as_json: bool) -> None:
+    from catalogs.block.reader import read_block
+    from flows.step_reporter import report_steps
+    from tasks.doctor.folder import forecast_changes
+
+    with report_steps():
+        said = forecast_changes(read_block(block_file), out)
+    said = said or "everything is pending: no run finished there"
+    print_line(json.dumps({"pending": said}) if as_json else said)
 
 
 def _describe_estimate(counts: EstimatedCounts, estimate: JsonObject, workers: int, at_once: int) -> list[str]:

@@ -14,6 +14,7 @@ from typing import Any
 
 import icechunk
 
+from catalogs.block import Block
 from catalogs.block.reader import read_block
 from catalogs.printable_text import format_command, format_unit_reason
 from catalogs.published.file_list import find_snapshot_damage
@@ -24,7 +25,7 @@ from catalogs.reader_errors import to_single_line
 from facade_core.atlas.integrity import DAMAGE_ERRORS, find_broken_tags, find_unreadable_chunks, has_all_files
 from facade_core.atlas.journal import Record
 from facade_core.atlas.store import BRANCH, Repository, open_repository, open_root
-from facade_core.core.errors import FacadeError, StoreError, StoreFormatError
+from facade_core.core.errors import FacadeError, InputError, StoreError, StoreFormatError
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan_tables import read_plan
 from tasks.doctor.findings import Finding
@@ -70,7 +71,7 @@ def examine_folder(out: Folder) -> Iterator[Finding]:
     yield from _list_input_notes(attrs)
     yield from _check_store(out, repository, session, group, again)
     yield from _check_published(out, session.snapshot_id, again)
-    yield _check_stale(out, source, session, group)
+    yield _check_stale(out, source, group)
 
 
 def _check_units(attrs: Mapping[str, object], records: dict[str, list[Record | None]], again: str) -> Finding:
@@ -148,7 +149,7 @@ def _check_published(out: Folder, newest: str | None, again: str) -> Iterator[Fi
         )
 
 
-def _check_stale(out: Folder, source: Path | None, session: icechunk.Session, group: StoreGroup) -> Finding:
+def _check_stale(out: Folder, source: Path | None, group: StoreGroup) -> Finding:
     """Forecast the work of a run with the present block file, on a copy."""
     if source is None:
         return Finding("stale", None, "the folder does not name its block file; the next run records it")
@@ -159,21 +160,33 @@ def _check_stale(out: Folder, source: Path | None, session: icechunk.Session, gr
         )
     try:
         block = read_block(source)
-        run = create_run(block, out)
-        if group.attrs.get("block") != run.block:
-            return Finding(
-                "stale", False, f"{source} is block {run.block} now; the folder holds {group.attrs.get('block')}"
-            )
-        with _writable_copy(out) as copy:
-            trial = replace(run, out=str(copy))
-            outline = ingest_block.fn(trial, block)
-            said = forecast_work(replace(trial, ingested=outline.ingested), block, outline).said
+        said = forecast_changes(block, out)
     except (FacadeError, OSError) as error:
         return Finding("stale", False, f"{source}: {' '.join(str(error).split())}")
-    if group.attrs.get("key") == run.key and (said is None or said == NOTHING_PENDING):
+    if group.attrs.get("key") == create_run(block, out).key and (said is None or said == NOTHING_PENDING):
         return Finding("stale", True, f"nothing; {source} and the code are unchanged")
     # stale is no damage: the data match an earlier block or code
     return Finding("stale", None, f"{said or 'everything is pending'}; the next run processes it: {again}")
+
+
+def forecast_changes(block: Block, out: Path) -> str | None:
+    """Return one line on what a run of a block would do again in its folder; None without an earlier run.
+
+    The forecast is made on a copy of the store.
+
+    Raises
+    ------
+    InputError
+        If the folder holds another block.
+    """
+    run = create_run(block, out)
+    held = open_root(open_repository(out / "store").readonly_session(BRANCH)).attrs.get("block")
+    if held != run.block:
+        raise InputError(f"{out}: the block file is block {run.block}; the folder holds {held}")
+    with _writable_copy(out) as copy:
+        trial = replace(run, out=str(copy))
+        outline = ingest_block.fn(trial, block)
+        return forecast_work(replace(trial, ingested=outline.ingested), block, outline).said
 
 
 @contextmanager

@@ -118,8 +118,11 @@ def test_nothing_is_wrong_with_a_whole_run_until_its_block_changes(
     ]
     assert "streets (block's settings changed)" in said
     assert said.endswith(f"the next run processes it: `streetloom run {block} --out {out}`")
+    planned = CliRunner().invoke(command_line, ["plan", str(block), "--out", str(out)])
+    assert planned.exit_code == 0
+    assert planned.output.strip() == said.partition("; the next run")[0]
     block.write_text(yaml.safe_dump(settings | {"name": "other"}))
-    assert "is block other now" in wrong(out)["stale"]
+    assert "is block other; the folder holds" in wrong(out)["stale"]
     block.unlink()
     assert "block.yaml" in wrong(out)["stale"]
     assert contents(out) == before
