@@ -42,41 +42,44 @@ def align_openings(raster: UInt8Array, texels_per_metre: Float64Array, elements:
     elements : elements in metres, y down.
     """
     across, down = texels_per_metre.tolist()
+    turned = raster.transpose(1, 0, 2)
     found = []
     for element in elements:
         if element.label in OPENING_ORDER:
-            inner = ALIGNMENT.side_share * element.width / 2, ALIGNMENT.side_share * element.height / 2
-            x, y = (element.x0 + element.x1) / 2, (element.y0 + element.y1) / 2
-            rows = raster[_span(y - inner[1], y + inner[1], down)]
-            columns = raster[:, _span(x - inner[0], x + inner[0], across)]
-            if rows.size and columns.size:
-                by_column, by_row = rows.mean(axis=0), columns.mean(axis=1)
-                element = replace(
-                    element,
-                    x0=_align_side(by_column, element.x0, across, -1),
-                    x1=_align_side(by_column, element.x1, across, 1),
-                    y0=_align_side(by_row, element.y0, down, -1),
-                    y1=_align_side(by_row, element.y1, down, 1),
-                )
+            rows = _middle_span(element.y0, element.y1, down)
+            columns = _middle_span(element.x0, element.x1, across)
+            element = replace(
+                element,
+                x0=_align_side(raster[rows], element.x0, across, -1),
+                x1=_align_side(raster[rows], element.x1, across, 1),
+                y0=_align_side(turned[columns], element.y0, down, -1),
+                y1=_align_side(turned[columns], element.y1, down, 1),
+            )
         found.append(element)
     return found
 
 
-def _span(first: float, last: float, density: float) -> slice:
-    return slice(max(0, int(first * density)), int(np.ceil(last * density)))
+def _middle_span(first: float, last: float, density: float) -> slice:
+    """Return the texels of the middle of a side, whose edge counts."""
+    middle, half = (first + last) / 2, ALIGNMENT.side_share * (last - first) / 2
+    return slice(max(0, int((middle - half) * density)), int(np.ceil((middle + half) * density)))
 
 
-def _align_side(profile: Float64Array, side: float, density: float, outward: int) -> float:
-    """Return where a side is: at the outermost of the high steps of a profile (n, 3), metres."""
+def _align_side(strip: UInt8Array, side: float, density: float, outward: int) -> float:
+    """Return where a side is, metres: at the outermost of the high steps of a strip (k, n, 3) across it."""
     reach, width = round(ALIGNMENT.max_shift_m * density), max(1, round(ALIGNMENT.step_m * density))
-    places = round(side * density) + outward * np.arange(reach, -reach - 1, -1)
-    places = places[(places >= width) & (places <= len(profile) - width)]
-    if not len(places):
+    middle = round(side * density)
+    places = np.arange(max(middle - reach, width), min(middle + reach, strip.shape[1] - width) + 1)[::-outward]
+    if not len(places) or not len(strip):
         return side
+    start = int(places.min()) - width
+    profile = strip[:, start : int(places.max()) + width].mean(axis=0)
     total = np.concatenate([np.zeros((1, 3)), np.cumsum(profile, axis=0)])
-    step = np.abs(total[places + width] + total[places - width] - 2 * total[places]).max(axis=1) / width
+    here = places - start
+    step = np.abs(total[here + width] + total[here - width] - 2 * total[here]).max(axis=1) / width
     if step.max() < ALIGNMENT.min_step:
         return side
-    around = np.pad(step, 1)
-    is_edge = (step >= np.maximum(around[:-2], around[2:])) & (step >= ALIGNMENT.high_share * step.max())
+    is_edge = step >= ALIGNMENT.high_share * step.max()
+    is_edge[1:] &= step[1:] >= step[:-1]
+    is_edge[:-1] &= step[:-1] >= step[1:]
     return float(places[np.argmax(is_edge)] / density)

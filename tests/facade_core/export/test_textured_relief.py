@@ -11,6 +11,7 @@ import pytest
 import shapely
 
 from facade_core.core.types import Element
+from facade_core.export.bodies.alignment import align_openings
 from facade_core.export.bodies.element_relief import place_elements
 from facade_core.export.bodies.settings import ELEMENT_DEPTHS
 from facade_core.export.bodies.textured_relief import add_relief
@@ -242,3 +243,19 @@ def test_a_light_band_of_the_picture_stands_out_as_a_ledge(coloured: TexturedMes
         deep = add_relief(paint(coloured, wall, [(0, 2.0, width, 2.4, grey)]), {wall: [window]})
         x = np.arange(0.3, width - 0.3, 0.1)
         np.testing.assert_allclose(cast_at_wall(deep, wall, x, np.full(len(x), 2.2)), outward, atol=2e-3)
+
+
+def test_openings_end_at_the_outermost_edge_of_their_picture() -> None:
+    density = np.array([20.0, 20.0])
+    picture = np.full((100, 100, 3), 120, np.uint8)
+    picture[40:80, 30:60] = 230  # the frame
+    picture[42:78, 32:58] = 30  # the pane
+    parsed = Element("window", 1.6, 2.1, 2.9, 4.05)
+    (found,) = align_openings(picture, density, [parsed])
+    assert (found.x0, found.y0, found.x1, found.y1) == (1.5, 2.0, 3.0, 4.0)
+    plain = np.full((100, 100, 3), 120, np.uint8)
+    assert align_openings(plain, density, [parsed]) == [parsed], "nothing to align with"
+    far = replace(parsed, x0=1.8)
+    assert align_openings(picture, density, [far])[0].x0 >= 1.65, "a side moves by 0.15 m at most"
+    balcony = replace(parsed, label="balcony")
+    assert align_openings(picture, density, [balcony]) == [balcony]
