@@ -378,7 +378,10 @@ class AerialSection(Section):
 
     path: Annotated[
         Text,
-        Key("An orthophoto of 8 bits: GeoTIFF, or PNG or JPEG with its world file.", path=PathKind.RASTER),
+        Key(
+            "An orthophoto: GeoTIFF, a mosaic of gdalbuildvrt, or PNG or JPEG with its world file.",
+            path=PathKind.RASTER,
+        ),
     ]
     crs: Annotated[str | None, Key("Frame of a file that states none or a wrong one.", default="the file's own")] = None
 

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from catalogs.crs import metres_per_height_unit
-from catalogs.readers.gdal_files import check_siblings
 from catalogs.readers.pictures.rasters import (
     RASTER_DRIVERS,
     check_georeference,
@@ -39,7 +38,8 @@ _METRES_BY_UNIT_WORD = {
     re.compile(r"\bcm\b|centimet"): 0.01,
     re.compile(r"\bdm\b|decimet"): 0.1,
 }
-REMEDY = "convert it to GeoTIFF"
+_HEIGHT_WORDS = re.compile(r"elevation|height|\b(?:dem|dtm|dsm|dgm)\b", re.IGNORECASE)
+REMEDY = "convert it to GeoTIFF, a raster with gdal_translate IN OUT.tif, points with PDAL (writers.gdal)"
 _DRIVERS_BY_MAGIC = {magic: name for magic, name in RASTER_DRIVERS.items() if name != "JPEG"} | {
     b"EHFA_HEADER_TAG": "HFA",
     b"ncols": "AAIGrid",
@@ -79,7 +79,6 @@ def read_elevation(path: Path, crs: CRS, bounds: tuple[float, float, float, floa
 def _find_driver(path: Path, depth: int = 0) -> str:
     if not path.is_file():
         raise InputError(f"{path} is no file; give an elevation raster on this machine, such as a GeoTIFF")
-    check_siblings(path)
     if driver := detect_driver(path, _DRIVERS_BY_MAGIC) or _DRIVERS_BY_SUFFIX.get(path.suffix.lower()):
         return driver
     with open_regular(path) as file:
@@ -184,6 +183,12 @@ def _check_bands(raster: DatasetReader, path: Path) -> None:
     if raster.count >= 3 and set(raster.dtypes[:3]) == {"uint8"}:
         raise InputError(
             f"{path} has {raster.count} bands of 8 bits, which is a picture; give heights in metres in one band"
+        )
+    described = [bool(_HEIGHT_WORDS.search(text or "")) for text in raster.descriptions]
+    if any(described[1:]) and not described[0]:
+        raise InputError(
+            f"{path} has its heights in band {1 + described.index(True)}; "
+            f"write them alone with gdal_translate -b {1 + described.index(True)} {path.name} OUT.tif"
         )
     if raster.dtypes[0].startswith("complex"):
         raise InputError(f"{path} has complex numbers for heights; give their real part as a GeoTIFF")

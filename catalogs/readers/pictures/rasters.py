@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import math
 import sys
-import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -59,16 +58,15 @@ def open_raster(path: Path, driver: str, kind: str, remedy: str) -> Iterator[Dat
     InputError
         Where the raster cannot be read, on opening or later.
     """
-    from rasterio.errors import NotGeoreferencedWarning, RasterioError
+    from rasterio.errors import RasterioError
 
-    _check_sidecar(path)
+    check_sidecar(path)
     with wrap_reader_errors(path, f"is not a valid {kind.partition(' ')[2]}", remedy):
         try:
-            with warnings.catch_warnings(), _silence_unraisable():
-                warnings.simplefilter("ignore", NotGeoreferencedWarning)  # rejected below with a remedy
-                with open_raster_dataset(path, driver, {"GDAL_CACHEMAX": PICTURES.gdal_cache_bytes}) as opened:
-                    _check_size(opened, path)
-                    yield opened
+            options = {"GDAL_CACHEMAX": PICTURES.gdal_cache_bytes}
+            with _silence_unraisable(), open_raster_dataset(path, driver, options) as opened:
+                _check_size(opened, path)
+                yield opened
         except RasterioError as error:
             reason = to_single_line(str(error.__cause__ or error))[:160]
             raise InputError(f"{path} cannot be read as {kind} ({reason}); {remedy}") from error
@@ -186,7 +184,7 @@ def _value_bytes(kind: str) -> int:
         return 16
 
 
-def _check_sidecar(path: Path) -> None:
+def check_sidecar(path: Path) -> None:
     """Raise InputError where FILE.aux.xml makes GDAL read another file in place of a raster."""
     beside = path.with_name(path.name + ".aux.xml")
     if beside.is_file():

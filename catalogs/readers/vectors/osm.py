@@ -8,6 +8,7 @@ from __future__ import annotations
 import ast
 import json
 import re
+import warnings
 from collections.abc import Callable, Collection, Container, Iterator, Mapping
 from dataclasses import replace
 from itertools import chain
@@ -261,7 +262,8 @@ def _read_layers(
     """
     from pyrosm import OSM
 
-    with open_osm_extract(path) as readable:
+    with open_osm_extract(path) as readable, warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # of layers without features
         incomplete = find_incomplete_features(path, readable)
         osm = OSM(readable, progress=False)
         frames = [layer(osm) for layer in layers]

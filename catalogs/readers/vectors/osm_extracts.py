@@ -87,6 +87,9 @@ def find_incomplete_features(path: Path, readable: str) -> IncompleteFeatures:
     from pyrosm.pbf_export import read_header_block
     from pyrosm.pbfreader import iter_decoded_blocks
 
+    header = read_header_block(readable)
+    if "HistoricalInformation" in header.required_features:
+        raise InputError(f"{path} holds all versions of its features; take those of one day with osmium time-filter")
     blocks = list(iter_decoded_blocks(readable))
     node_ids, lonlat = _locate_nodes([(header, nodes) for _, header, nodes, _, _ in blocks if nodes is not None])
     ways = [_Rows(strings, found, "refs") for strings, _, _, found, _ in blocks if found is not None]
@@ -95,7 +98,7 @@ def find_incomplete_features(path: Path, readable: str) -> IncompleteFeatures:
     whole = np.sort(
         np.concatenate([np.zeros(0, np.int64), *(np.delete(w.ids, c) for w, c in zip(ways, cut, strict=True))])
     )
-    has_locations = "LocationsOnWays" in read_header_block(readable).optional_features
+    has_locations = "LocationsOnWays" in header.optional_features
     if not len(whole) and any(map(len, cut)):
         remedy = _LOCATIONS_REMEDY if has_locations else _FILTER_REMEDY
         raise InputError(f"{path} lacks the nodes of its ways; {remedy}")
