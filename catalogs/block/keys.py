@@ -86,7 +86,7 @@ _ENCODING = Key(
     default="found",
 )
 
-_LAYER = Key("Layer of a vector file that has several.", default="that of solids, else by type and name, with a note")
+_LAYER = Key("Layer of a GeoPackage that has several.", default="that of solids, else by type and name, with a note")
 
 
 @dataclass(frozen=True, slots=True)
