@@ -29,6 +29,10 @@ _OUTDATED_REASON = (
     "panoramas taken more than a year before others beside them; `changed` tells of facades, ground shows all of them "
     "(imagery.panoramas.since leaves old ones out)"
 )
+_TILT_REASON = (
+    "panoramas that {source} tilts by over 45 degrees; pitch is 0 at the horizon (Metashape counts from straight down), roll 0 "
+    "upright"
+)
 _DISTANT_REASON = (
     "panoramas skipped that lie far from the buildings; check the order of x and y (east first), of lon and lat, "
     "and the crs"
@@ -169,6 +173,8 @@ class _PanoramaReader:
             return
         self._check_twin(path)
         reasons = [*(reason for _, reason in source.remarks), *_mixed_source_reasons(origins, has_file=bool(stated))]
+        tilts = [key for key in ("pitch", "roll") if abs(getattr(source, key) or 0.0) > PICTURES.max_panorama_tilt_deg]
+        reasons += sorted({_TILT_REASON.format(source=origins[key]) for key in tilts})
         self.remarks += [Remark(path.stem, reason, None) for reason in reasons]
         self.items.append(PosedPanorama(normal_form(path.stem), path, pose, source.captured or taken))
 

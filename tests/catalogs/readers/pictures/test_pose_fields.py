@@ -217,21 +217,3 @@ def test_names_and_numbers_of_other_programs(tmp_path: Path) -> None:
     (tmp_path / "poses.csv").write_bytes("file,x,y,heading,Straße\n".encode("cp1252"))
     with pytest.raises(InputError, match="save it again as UTF-8"):
         read_poses_file(tmp_path / "poses.csv")
-
-
-@pytest.mark.parametrize(
-    ("columns", "rows", "angles", "noted"),
-    [
-        ("heading,pitch,roll", ["9,89,0", "8,91,0"], (89.0, 0.0), "pitch is 0 at the horizon"),
-        ("heading,pitch,roll", ["9,0,180", "8,0,-179"], (0.0, 180.0), "roll 0 upright"),
-        ("heading,pitch,roll", ["9,12,3", "8,1,0"], (12.0, 3.0), None),
-    ],
-)
-def test_large_tilts_are_noted(
-    columns: str, rows: list[str], angles: tuple[float, float], noted: str | None, tmp_path: Path
-) -> None:
-    lines = [f"{name},1,2,{row}" for name, row in zip(("p.jpg", "q.jpg"), rows, strict=True)]
-    found = read(tmp_path, "\n".join([f"file,x,y,{columns}", *lines]))
-    assert (pose(found).pitch, pose(found).roll) == angles
-    assert bool(found.remarks) == (noted is not None)
-    assert all(str(noted) in remark.reason for remark in found.remarks)
