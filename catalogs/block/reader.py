@@ -245,13 +245,13 @@ def _read_posed_pictures(
             files.get("imagery.cameras.control", (None,))[0],
             keys.imagery.cameras.crs,
         )
-        taken = {one.path.name for one in pictures}
+        taken = {one.id for one in pictures}
         twice = tuple(
-            Fault(one.path.name, "panorama", f"a panorama is named {one.path.name} too; rename one of them")
+            Fault(one.path.name, "panorama", f"a panorama is named {one.id} too; rename one of them")
             for one in posed.items
-            if one.path.name in taken
+            if one.id in taken
         )
-        cameras, heights = correct([one for one in posed.items if one.path.name not in taken])
+        cameras, heights = correct([one for one in posed.items if one.id not in taken])
         pictures += cameras
         faults += posed.faults + twice
         notes += format_reason_notes(feature_ids_by_reason(posed.remarks)) + heights

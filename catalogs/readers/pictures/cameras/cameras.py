@@ -100,7 +100,7 @@ def read_cameras(
     paths, unreadable = list_images(folder, "panorama", with_subfolders=True)
     file = _read_camera_file(poses, _check_crs(crs))
     faults = list(unreadable)
-    matched, unmatched = _match(file, paths, faults)
+    matched, unmatched = _match(file, folder, paths, faults)
     cameras: dict[Path, SourceCamera] = {}
     headers: dict[Path, _Header] = {}
     for path, camera in matched.items():
@@ -167,7 +167,9 @@ def _reconstruction_parts(value: JsonValue) -> list[JsonObject]:
     return parts
 
 
-def _match(file: CameraFile, paths: Sequence[Path], faults: list[Fault]) -> tuple[dict[Path, SourceCamera], list[str]]:
+def _match(
+    file: CameraFile, folder: Path, paths: Sequence[Path], faults: list[Fault]
+) -> tuple[dict[Path, SourceCamera], list[str]]:
     """Match pictures to cameras by the end of their paths, with or without suffix; returns also cameras without one."""
     by_stem: dict[str, list[str]] = {}
     for name in file.cameras:
@@ -183,10 +185,12 @@ def _match(file: CameraFile, paths: Sequence[Path], faults: list[Fault]) -> tupl
         own = [name for name in _most_alike(found, partial(_likeness, path)) if path in closest[name]]
         twin = next((other for name in own for other in closest[name] if other != path), None)
         camera: SourceCamera | str = _choose_camera(file, own)
-        if twin is not None:
-            camera = f"{path.name} and {twin.name} have one name; rename or remove one"
+        shown = path.relative_to(folder).as_posix()
+        if twin is not None and not isinstance(camera, str):
+            both = f"{shown} and {twin.relative_to(folder).as_posix()}"
+            camera = f"{both} may both be {own[0]} of {file.name}; name pictures and their folders as there"
         if isinstance(camera, str):
-            faults.append(Fault(path.name, "panorama", camera))
+            faults.append(Fault(shown, "panorama", camera))
         else:
             matched[path] = camera
     return matched, [to_single_line(name[:80]) for name in file.cameras if name not in owners]
@@ -206,7 +210,7 @@ def _likeness(path: Path, name: str) -> tuple[int, bool]:
 
 def _path_parts(text: str) -> tuple[str, ...]:
     """Return folders and name of a path of any machine, the name without suffix of a picture."""
-    *folders, name = normal_form(text).replace("\\", "/").split("/")
+    *folders, name = normal_form(text.casefold()).replace("\\", "/").split("/")
     return (*folders, Path(name).stem if is_picture_name(name) else name)
 
 
@@ -216,7 +220,7 @@ def _choose_camera(file: CameraFile, names: Sequence[str]) -> SourceCamera | str
         return f"{_NO_CAMERA} {file.name}; add its pose there, or remove it"
     if len(names) > 1:
         both = " and ".join(to_single_line(name[:60]) for name in names[:2])
-        return f"{both} in {file.name} may both be it; give the pictures names of their own"
+        return f"{both} in {file.name} may both be it; name pictures and their folders as there"
     return file.cameras[names[0]]
 
 
