@@ -326,7 +326,7 @@ class StyleSection(Section):
 class PanoramasSection(Section):
     """Section `imagery.panoramas`."""
 
-    path: Annotated[Text, Key("The panoramas.", path=PathKind.FOLDER)]
+    path: Annotated[Text, Key("The panoramas; pictures in folders of it are read too.", path=PathKind.FOLDER)]
     poses: Annotated[
         Text | None,
         Key(
@@ -349,7 +349,7 @@ class PanoramasSection(Section):
 class CamerasSection(Section):
     """Section `imagery.cameras`."""
 
-    path: Annotated[Text, Key("The pictures.", path=PathKind.FOLDER)]
+    path: Annotated[Text, Key("The pictures; those in folders of it, as of rigs, too.", path=PathKind.FOLDER)]
     poses: Annotated[
         Text,
         Key(

@@ -146,3 +146,16 @@ def test_pose_that_no_source_places_is_named(tmp_path: Path) -> None:
     picture(tmp_path / "p.jpg", xmp=XMP.format(attributes=HEADING, elements=""))
     with pytest.raises(InputError, match=r"poses.csv states no place; add its place there"):
         read_pose(tmp_path, "file,heading,pitch\np.jpg,10,2\n")
+
+
+def test_panoramas_in_folders_have_the_poses_of_their_paths(tmp_path: Path) -> None:
+    for number, name in enumerate(("2023/p.jpg", "2024/p.jpg")):
+        (tmp_path / name).parent.mkdir()
+        picture(tmp_path / name, size=(64 + 2 * number, 32 + number))
+    (tmp_path / "poses.csv").write_text(
+        f"file,lon,lat,heading\n2024/p.jpg,{LON},{LAT},30\n2023\\p.jpg,{LON},{LAT},20\n"
+    )
+    found = read_panoramas(tmp_path, tmp_path / "poses.csv", UTM)
+    assert not found.faults
+    headings = {one.id: one.pose.heading + CONVERGENCE for one in found.items}
+    assert headings == {"2023-p": pytest.approx(20, abs=0.01), "2024-p": pytest.approx(30, abs=0.01)}

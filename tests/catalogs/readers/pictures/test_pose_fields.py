@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from catalogs.features import feature_ids_by_reason, format_reason_notes
+from catalogs.readers.pictures.picture_matches import select_entries
 from catalogs.readers.pictures.pose_fields import parse_capture_day
 from catalogs.readers.pictures.poses import PosesFile, read_poses_file
 from catalogs.readers.pictures.source_poses import SourcePose
@@ -25,7 +26,8 @@ def read(folder: Path, text: str, suffix: str = ".csv") -> PosesFile:
 
 
 def pose(found: PosesFile, name: str = "p.jpg") -> SourcePose:
-    one = found.poses[name]
+    picture = Path("pictures") / name
+    one = select_entries(found.poses, "poses", picture.parent, [picture])[picture]
     assert isinstance(one, SourcePose), one
     return one
 
