@@ -47,13 +47,16 @@ _SYSTEM_NAMES = frozenset(
         "#recycle",
         "$recycle.bin",
         "system volume information",
+        "lost+found",
+        "zbthumbnail.info",
+        "icon\r",
     )
 )
 
 
 def is_system_file(name: str) -> bool:
     """Return True for a file or folder that Finder, Windows or a NAS leaves beside others, or that is hidden."""
-    return name.startswith(".") or name.lower() in _SYSTEM_NAMES
+    return name.startswith((".", "~$")) or name.lower() in _SYSTEM_NAMES
 
 
 @cache
