@@ -1,0 +1,22 @@
+"""Messages of libraries on the terminal."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+_CODE = """
+import logging, warnings
+from flows.__main__ import _keep_library_warnings_off_terminal
+_keep_library_warnings_off_terminal()
+warnings.warn("raw warning")
+logging.getLogger("trimesh").warning("raw record")
+logging.getLogger("rasterio._env").warning("raw record of GDAL")
+logging.getLogger("flows.lease").warning("took over the lock")
+"""
+
+
+def test_messages_of_libraries_are_not_printed() -> None:
+    done = subprocess.run([sys.executable, "-W", "default", "-c", _CODE], capture_output=True, text=True, check=True)
+    assert done.stderr == "took over the lock\n"
+    assert not done.stdout
