@@ -37,21 +37,10 @@ _FORMATS = {
 
 
 # Files and folders that systems and servers leave beside others; names that begin with a point are hidden.
-_SYSTEM_NAMES = frozenset(
-    (
-        "__macosx",
-        "thumbs.db",
-        "ehthumbs.db",
-        "desktop.ini",
-        "@eadir",
-        "#recycle",
-        "$recycle.bin",
-        "system volume information",
-        "lost+found",
-        "zbthumbnail.info",
-        "icon\r",
-    )
-)
+_SYSTEM_NAMES = frozenset((
+    "__macosx", "thumbs.db", "ehthumbs.db", "desktop.ini", "@eadir", "#recycle", "$recycle.bin",
+    "system volume information", "lost+found", "zbthumbnail.info", "icon\r",
+))  # fmt: skip
 
 
 def is_system_file(name: str) -> bool:

@@ -20,30 +20,11 @@ REMEDY = "give one GeoTIFF (gdal_translate)"
 # Elements of mosaics of gdalbuildvrt and gdal_translate. Other elements read any file as raw numbers, warp, compute, or open
 # sources with options.
 _ALLOWED_ELEMENTS = {
-    *(
-        "VRTDataset",
-        "SRS",
-        "GeoTransform",
-        "Metadata",
-        "MDI",
-        "VRTRasterBand",
-        "NoDataValue",
-        "ColorInterp",
-        "Description",
-    ),
-    *(
-        "UnitType",
-        "Scale",
-        "Offset",
-        "SimpleSource",
-        "ComplexSource",
-        "SourceFilename",
-        "SourceBand",
-        "SourceProperties",
-    ),
-    *("SrcRect", "DstRect", "NODATA", "ScaleOffset", "ScaleRatio", "HideNoDataValue", "Histograms", "OverviewList"),
-    *("BlockXSize", "BlockYSize"),
-}
+    "VRTDataset", "SRS", "GeoTransform", "Metadata", "MDI", "VRTRasterBand", "NoDataValue", "ColorInterp", "Description",
+    "UnitType", "Scale", "Offset", "SimpleSource", "ComplexSource", "SourceFilename", "SourceBand", "SourceProperties",
+    "SrcRect", "DstRect", "NODATA", "ScaleOffset", "ScaleRatio", "HideNoDataValue", "Histograms", "OverviewList",
+    "BlockXSize", "BlockYSize",
+}  # fmt: skip
 
 
 def check_virtual_raster(path: Path, check_source: Callable[[Path], object]) -> None:
