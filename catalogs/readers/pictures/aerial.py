@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from catalogs.crs import bounds_to_lonlat
 from catalogs.file_digest import file_digest
 from catalogs.readers.pictures.colour_bands import find_colour_bands
 from catalogs.readers.pictures.colour_profiles import ColourProfile, profile_to_srgb
@@ -22,6 +21,7 @@ from catalogs.readers.pictures.high_depth import find_white, read_values
 from catalogs.readers.pictures.rasters import (
     RASTER_DRIVERS,
     check_georeference,
+    coverage_message,
     detect_driver,
     open_raster,
     read_raster_crs,
@@ -212,7 +212,9 @@ def open_orthophoto(path: Path, crs: str | None, frame: CRS, places: Float64Arra
         x, y = _to_pixels(raster, _transformer(frame.to_wkt(), raster_crs.to_wkt()), places)
         inside = _is_inside(raster, x, y)
         if not inside.any():
-            raise InputError(_coverage_message(raster, path, raster_crs, frame, places))
+            box = (*places.min(axis=0).tolist(), *places.max(axis=0).tolist())
+            reason = coverage_message(raster, path, raster_crs, frame, box, "shows nothing of")
+            raise InputError(f"{reason}, or mend imagery.aerial.crs")
         bands = find_colour_bands(raster, str(path))
         alpha = None if bands.alpha is None or not _is_opacity(raster, bands.alpha) else bands.alpha
         white = 255.0 if _is_of_bytes(raster) else _find_white(raster, path, bands.colours)
@@ -350,20 +352,3 @@ def _sample_bilinear(
     nearest = alpha[np.clip(np.round(y).astype(int), 0, height - 1), np.clip(np.round(x).astype(int), 0, width - 1)]
     known = (nearest > 127) & (weight > 0)
     return np.round(total / np.maximum(weight, 1e-9)[:, None]).astype(np.uint8), known
-
-
-def _coverage_message(raster: DatasetReader, path: Path, raster_crs: CRS, frame: CRS, places: Float64Array) -> str:
-    """Return the message for a raster that shows nothing of the block."""
-    spans = []
-    for crs, (west, south, east, north) in (
-        (
-            raster_crs,
-            (*np.minimum(raster.bounds[:2], raster.bounds[2:]), *np.maximum(raster.bounds[:2], raster.bounds[2:])),
-        ),
-        (frame, (*places.min(axis=0), *places.max(axis=0))),
-    ):
-        box = bounds_to_lonlat(crs.to_wkt(), (float(west), float(south), float(east), float(north)))
-        spans.append("[" + ", ".join(f"{value:.4f}" for value in box) + "]")
-    return (
-        f"{path} shows none of the buildings: it spans {spans[0]} degrees and they {spans[1]}; check imagery.aerial.crs"
-    )

@@ -13,6 +13,7 @@ from catalogs.crs import metres_per_height_unit
 from catalogs.readers.pictures.rasters import (
     RASTER_DRIVERS,
     check_georeference,
+    coverage_message,
     detect_driver,
     open_raster,
     read_raster_crs,
@@ -118,7 +119,7 @@ def _read_around(
     x, y = np.meshgrid(np.linspace(bounds[0], bounds[2], 21), np.linspace(bounds[1], bounds[3], 21))
     rows, columns = rowcol(raster.transform, *to_own.transform(x.ravel(), y.ravel()), op=np.asarray)
     if not (np.isfinite(columns).all() and np.isfinite(rows).all()) or not _overlaps(columns, rows, raster):
-        raise InputError(_coverage_message(raster, path, raster_crs, crs, bounds))
+        raise InputError(coverage_message(raster, path, raster_crs, crs, bounds))
     row, column = math.floor(float(np.median(rows))), math.floor(float(np.median(columns)))
     across, along = xy(raster.transform, [row, row, row + 1], [column, column + 1, column])
     cells = np.column_stack(to_own.transform(across, along, direction="INVERSE"))
@@ -160,7 +161,7 @@ def _read_around(
         resampling=Resampling.bilinear,
     )
     if not np.isfinite(heights[margin : height - margin, margin : width - margin]).any():
-        raise InputError(_coverage_message(raster, path, raster_crs, crs, bounds, "has no known height inside"))
+        raise InputError(coverage_message(raster, path, raster_crs, crs, bounds, "has no known height inside"))
     _check_slope(heights, step, path)
     return ElevationRaster(float(west), float(north), step, heights)
 
@@ -284,23 +285,3 @@ def _find_damaged_place(raster: DatasetReader, window: Window) -> str | None:
 
 def _overlaps(columns: Float64Array, rows: Float64Array, raster: DatasetReader) -> bool:
     return bool(columns.max() > 0 and rows.max() > 0 and columns.min() < raster.width and rows.min() < raster.height)
-
-
-def _coverage_message(
-    raster: DatasetReader,
-    path: Path,
-    raster_crs: CRS,
-    crs: CRS,
-    bounds: tuple[float, float, float, float],
-    problem: str = "does not cover",
-) -> str:
-    """Return the message for a raster of another place: its extent and that of the block."""
-    from pyproj import Transformer
-
-    covered = Transformer.from_crs(raster_crs, crs, always_xy=True).transform_bounds(*raster.bounds)
-    frame = crs.to_string() if np.isfinite(covered).all() else raster_crs.to_string()
-    covered = covered if np.isfinite(covered).all() else tuple(raster.bounds)
-    spans = [", ".join(f"{value:.7g}" for value in box) for box in (bounds, covered)]
-    return (
-        f"{path} {problem} the block [{spans[0]}]; it spans [{spans[1]}] in {frame}; give a raster of the block's place"
-    )

@@ -10,6 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from catalogs.crs import has_east_north_axes, parse_crs
 from catalogs.reader_errors import to_single_line, wrap_reader_errors
 from catalogs.readers.gdal_files import open_raster_dataset
@@ -162,8 +164,6 @@ def _check_size(raster: DatasetReader, path: Path) -> None:
 
 def _count_words(path: Path) -> int:
     """Return the number of words of a text, read in pieces; 0 for binary data, in which GDAL finds no end."""
-    import numpy as np
-
     total, within = 0, np.zeros(1, bool)
     with open_regular(path) as file:
         while piece := file.read(1_000_000):
@@ -176,7 +176,6 @@ def _count_words(path: Path) -> int:
 
 
 def _value_bytes(kind: str) -> int:
-    import numpy as np
 
     try:
         return np.dtype(kind).itemsize
@@ -192,3 +191,23 @@ def check_sidecar(path: Path) -> None:
             content = file.read(10_000_001)
         if b"OVERVIEW_FILE" in content.upper() or len(content) > 10_000_000:
             raise InputError(f"{beside} names another file for overviews; remove it")
+
+
+def coverage_message(
+    raster: DatasetReader,
+    path: Path,
+    raster_crs: CRS,
+    crs: CRS,
+    bounds: tuple[float, float, float, float],
+    problem: str = "does not cover",
+) -> str:
+    """Return the message for a raster of another place: its extent and that of the block, in the frame of the block."""
+    from pyproj import Transformer
+
+    covered = Transformer.from_crs(raster_crs, crs, always_xy=True).transform_bounds(*raster.bounds)
+    frame = crs.to_string() if np.isfinite(covered).all() else raster_crs.to_string()
+    covered = covered if np.isfinite(covered).all() else tuple(raster.bounds)
+    spans = [", ".join(f"{value:.7g}" for value in box) for box in (bounds, covered)]
+    return (
+        f"{path} {problem} the block [{spans[0]}]; it spans [{spans[1]}] in {frame}; give a raster of the block's place"
+    )
