@@ -108,7 +108,7 @@ def resolve_path(key: str, text: str, file: Path, kind: PathKind, *, file_kind: 
         raise ValueError(f"{key}: {ascii(text)[:60]} is no path ({short_message(error)}); name another one") from error
     if kind.is_file and not stat.S_ISREG(mode):
         what = (
-            f"is a folder; {_folder_remedy(key, path, kind)}"
+            f"is a folder; {folder_remedy(key, path, kind)}"
             if stat.S_ISDIR(mode)
             else "is no file but a device; name a file"
         )
@@ -138,7 +138,7 @@ def _missing_path_remedy(key: str, path: Path, text: str, base: Path) -> str | N
     return f"check the environment variable {variable[1]}" if variable else None
 
 
-def _folder_remedy(key: str, folder: Path, kind: PathKind) -> str:
+def folder_remedy(key: str, folder: Path, kind: PathKind) -> str:
     """Return what to name in place of a folder, by the files in it."""
     try:
         inside = sorted(path.name for path in islice(folder.iterdir(), _MAX_COMPARED) if path.is_file())

@@ -17,7 +17,7 @@ import numpy as np
 from catalogs.file_digest import file_digest
 from catalogs.readers.pictures.colour_bands import find_colour_bands
 from catalogs.readers.pictures.colour_profiles import ColourProfile, profile_to_srgb
-from catalogs.readers.pictures.high_depth import find_white, read_values
+from catalogs.readers.pictures.high_depth import find_white, is_inverted, read_values
 from catalogs.readers.pictures.rasters import (
     RASTER_DRIVERS,
     check_georeference,
@@ -179,6 +179,8 @@ class Orthophoto:
         else:
             opacity = raster.read(self.alpha, out_shape=shape, **options)
             alpha = np.where(opacity > _opaque_value(raster, self.alpha) / 2, 255, 0).astype(np.uint8)
+        if is_inverted(raster):
+            values = 255 - values
         if palette:
             table = np.zeros((256, 4), np.uint8)
             for index, colour in raster.colormap(colours[0]).items():

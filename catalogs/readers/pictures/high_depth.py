@@ -119,8 +119,12 @@ def _colour_bands(path: Path, raster: DatasetReader) -> tuple[list[int], int | N
     if raster.photometric in (PhotometricInterp.cmyk, PhotometricInterp.ycbcr, PhotometricInterp.cielab):
         raise ImageError(f"{path.name} is {raster.photometric.value} of {raster.dtypes[0]}; {REMEDY}")
     bands = find_colour_bands(raster, path.name)
-    inverted = str(raster.tags(ns="IMAGE_STRUCTURE").get("MINISWHITE", "")).upper() == "YES"
-    return list(bands.colours), bands.alpha, inverted
+    return list(bands.colours), bands.alpha, is_inverted(raster)
+
+
+def is_inverted(raster: DatasetReader) -> bool:
+    """Return True where the lowest value is white."""
+    return str(raster.tags(ns="IMAGE_STRUCTURE").get("MINISWHITE", "")).upper() == "YES"
 
 
 def _value_ranges(

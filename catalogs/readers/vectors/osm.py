@@ -8,7 +8,6 @@ from __future__ import annotations
 import ast
 import json
 import re
-import warnings
 from collections.abc import Callable, Collection, Container, Iterator, Mapping
 from dataclasses import replace
 from itertools import chain
@@ -252,8 +251,7 @@ def _read_layers(
     """
     from pyrosm import OSM
 
-    with open_osm_extract(path) as readable, warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # of layers without features
+    with open_osm_extract(path) as readable:
         incomplete = find_incomplete_features(path, readable)
         osm = OSM(readable, progress=False)
         frames = [layer(osm) for layer in layers]

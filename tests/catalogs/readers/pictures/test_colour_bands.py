@@ -186,3 +186,8 @@ def test_mosaics_have_the_bands_that_they_state(tmp_path: Path) -> None:
     before = photo.content
     write(tmp_path / "tiles/a.tif", ["green", "green", "red"])
     assert open_orthophoto(path, None, FRAME, PLACE).content != before
+
+
+def test_white_is_zero_where_it_is_stated(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.tif", ["undefined"], None, photometric="MINISWHITE")
+    assert open_orthophoto(path, None, FRAME, PLACE).sample(PLACE, 0.5)[0].tolist() == [[156, 156, 156]] * 2
