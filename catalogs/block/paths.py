@@ -149,8 +149,7 @@ def folder_remedy(key: str, folder: Path, kind: PathKind) -> str:
     if any(name.endswith(".adf") for name in inside):
         return f"it is an Esri grid: convert it with gdal_translate {folder.name} OUT.tif"
     suffixes = _RASTER_SUFFIXES if kind is PathKind.RASTER else tuple({**BUILDING_READERS, **CENTRELINE_READERS})
-    files = [name for name in inside if not is_system_file(name)]
-    named = [name for name in files if name.lower().endswith(suffixes)] or files
+    named = [name for name in inside if not is_system_file(name) and name.lower().endswith(suffixes)]
     if kind is PathKind.RASTER and len(named) > 1:
         return list_remedy(key, [f"{folder.name}/*{Path(named[0]).suffix}"])
     if _takes_list(key) and len(named) > 1:
