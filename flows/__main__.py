@@ -41,10 +41,7 @@ def _keep_library_warnings_off_terminal() -> None:
     """Keep warnings of libraries, also in worker processes, off the terminal: notes and faults name what they mean."""
     os.environ.setdefault("PYTHONWARNINGS", "ignore")
     logging.captureWarnings(capture=True)
-    for name in ("py.warnings", "rasterio", "pyogrio"):
-        logger = logging.getLogger(name)
-        logger.addHandler(logging.NullHandler())
-        logger.propagate = False
+    logging.getLogger("py.warnings").propagate = False
     assert logging.lastResort is not None, "Python's default"
     logging.lastResort.addFilter(lambda record: record.name.partition(".")[0] in _OWN_PACKAGES)
 

@@ -7,6 +7,7 @@ no address can be reached.
 
 from __future__ import annotations
 
+import logging
 import re
 import warnings
 from collections.abc import Iterator, Mapping
@@ -24,6 +25,10 @@ if TYPE_CHECKING:
     from geopandas import GeoDataFrame
     from rasterio.io import DatasetReader
 
+# What GDAL warns of is off the terminal of every process; readers check what they need.
+for _library in ("rasterio", "pyogrio"):
+    logging.getLogger(_library).addHandler(logging.NullHandler())
+    logging.getLogger(_library).propagate = False
 # Nothing answers at this proxy, so that no address can be reached.
 OFFLINE_OPTIONS: Mapping[str, str] = {
     "GDAL_HTTP_PROXY": "http://127.0.0.1:9",
