@@ -8,6 +8,9 @@ from contextlib import suppress
 
 from flows.cli.interrupts import REPEAT_MESSAGE, exit_on_signal
 
+# Packages whose messages are printed where no handler takes them.
+_OWN_PACKAGES = ("flows", "tasks", "catalogs", "facade_core", "streetloom")
+
 
 def main() -> None:
     """Run the command line and exit the process with its code."""
@@ -38,10 +41,9 @@ def _keep_library_warnings_off_terminal() -> None:
     """Keep warnings of libraries, also in worker processes, off the terminal: notes and faults name what they mean."""
     os.environ.setdefault("PYTHONWARNINGS", "ignore")
     logging.captureWarnings(capture=True)
-    for name in ("py.warnings", "rasterio", "pyogrio"):
-        logger = logging.getLogger(name)
-        logger.addHandler(logging.NullHandler())
-        logger.propagate = False
+    logging.getLogger("py.warnings").propagate = False
+    assert logging.lastResort is not None, "Python's default"
+    logging.lastResort.addFilter(lambda record: record.name.partition(".")[0] in _OWN_PACKAGES)
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 from catalogs.block.block_file import BlockFileErrorContext
@@ -14,7 +14,7 @@ from catalogs.buildings.extents import BuildingSource
 from catalogs.crs import is_same_frame, parse_crs
 from catalogs.features import CentrelinesAndGround, Fault, Remark, feature_ids_by_reason, format_reason_notes
 from catalogs.readers.formats import read_buildings, read_centrelines, read_ground_features
-from catalogs.readers.source_keys import LAYERED_SUFFIXES, UP_AXIS_SUFFIXES, SourceKeys
+from catalogs.readers.source_keys import SUFFIXES_OF_KEYS, SourceKeys
 from facade_core.core.errors import BlockFileError, InputError
 
 NamedFiles = Mapping[str, tuple[Path, ...]]
@@ -101,17 +101,11 @@ def _source_keys(
     if section.crs is not None:
         file.call_reader(f"{key}.crs", parse_crs, section.crs)
     paths = files[f"{key}.path"]
-    if section.encoding is not None and not any(path.suffix.lower() == ".shp" for path in paths):
-        raise file.make_error(
-            f"{key}.encoding", f"is the code page of a Shapefile, which {paths[0].name} is not; remove it"
-        )
-    up = section.up if isinstance(section, BuildingsSection) else None
-    if up is not None and not any(path.suffix.lower() in UP_AXIS_SUFFIXES for path in paths):
-        raise file.make_error(f"{key}.up", f"is of OBJ and PLY files, which {paths[0].name} is not; remove it")
-    layer = None if isinstance(section, GroundSection) else section.layer
-    if layer is not None and not any(path.suffix.lower() in LAYERED_SUFFIXES for path in paths):
-        raise file.make_error(f"{key}.layer", f"is of files with layers, which {paths[0].name} is not; remove it")
-    return SourceKeys(section.crs, section.encoding, up, layer)
+    for name, (suffixes, what) in SUFFIXES_OF_KEYS.items():
+        is_stated = getattr(section, name, None) is not None
+        if is_stated and not any(path.suffix.lower() in suffixes for path in paths):
+            raise file.make_error(f"{key}.{name}", f"{what}, which {paths[0].name} is not; remove it")
+    return SourceKeys(**{one.name: getattr(section, one.name, None) for one in fields(SourceKeys)})
 
 
 def _overruled_frame(path: Path, stated: str | None, section: str, given: str | None) -> tuple[Remark, ...]:

@@ -89,18 +89,19 @@ def _format_fault(fault: ErrorDetails, known: DeclaredKeys) -> str:
     problem, shown = fault["msg"].removeprefix("Value error, "), short_repr(value)
     if kind == "value_error" or declared is None:
         return f"{key}: {problem}, got {shown}"
-    if declared.key.path is not None and declared.key.path.is_file and (paths := _listed_paths(value)):
-        return f"{key}: {shown} is a list where one file is read; {list_remedy(paths)}"
+    if declared.key.path is not None and (paths := _listed_paths(value)):
+        if declared.key.path.is_file:
+            return f"{key}: {shown} is a list where one file is read; {list_remedy(key, paths)}"
+        return f"{key}: {shown} is a list where one folder is read; put their files into one folder"
     if "[" in key or isinstance(value, list):
         return f"{key}: {shown}: {problem}; write a {declared.value_type}"
     return f"{key}: {shown} is not {_with_article(declared.value_type)}{_quotes_remedy(value, declared)}"
 
 
 def _listed_paths(value: object) -> list[str]:
-    """Return the paths of a list that holds nothing else, cut to what a message can show."""
-    if not isinstance(value, list) or not all(isinstance(one, str) for one in value):
-        return []
-    return [one[-_MAX_KEY_LENGTH:] for one in value]
+    """Return the paths of a list, plain or under a key `path`, cut to what a message can show."""
+    listed = [one.get("path") if isinstance(one, dict) else one for one in value] if isinstance(value, list) else []
+    return [one[-_MAX_KEY_LENGTH:] for one in listed if isinstance(one, str)]
 
 
 def _with_article(value_type: str) -> str:
@@ -126,6 +127,8 @@ def _format_text_for_keys(key: str, value: object, known: DeclaredKeys) -> str:
     """Return the message for a value in place of the keys of a section."""
     if isinstance(value, str) and (joined := _describe_joined_key(f"{key}.{value}", short_repr(value), known)):
         return f"{key}: {joined}"
+    if f"{key}.path" in known and (paths := _listed_paths(value)):
+        return f"{key}: holds a list where keys are expected; {list_remedy(f'{key}.path', paths)}"
     inner = [name.removeprefix(f"{key}.") for name in known if name.startswith(f"{key}.")]
     is_path = "path" in inner and isinstance(value, str)
     example = f"path: {' '.join(str(value).split())[:_MAX_KEY_LENGTH]}" if is_path else f"{inner[0]}: ..."

@@ -86,7 +86,7 @@ _ENCODING = Key(
     default="found",
 )
 
-_LAYER = Key("Layer of a vector file that has several.", default="that of solids, else by type and name, with a note")
+_LAYER = Key("Layer of a GeoPackage that has several.", default="that of solids, else by type and name, with a note")
 
 
 @dataclass(frozen=True, slots=True)
@@ -326,7 +326,7 @@ class StyleSection(Section):
 class PanoramasSection(Section):
     """Section `imagery.panoramas`."""
 
-    path: Annotated[Text, Key("The panoramas.", path=PathKind.FOLDER)]
+    path: Annotated[Text, Key("The panoramas; pictures in folders of it are read too.", path=PathKind.FOLDER)]
     poses: Annotated[
         Text | None,
         Key(
@@ -349,7 +349,7 @@ class PanoramasSection(Section):
 class CamerasSection(Section):
     """Section `imagery.cameras`."""
 
-    path: Annotated[Text, Key("The pictures.", path=PathKind.FOLDER)]
+    path: Annotated[Text, Key("The pictures; those in folders of it, as of rigs, too.", path=PathKind.FOLDER)]
     poses: Annotated[
         Text,
         Key(
@@ -378,7 +378,10 @@ class AerialSection(Section):
 
     path: Annotated[
         Text,
-        Key("An orthophoto of 8 bits: GeoTIFF, or PNG or JPEG with its world file.", path=PathKind.RASTER),
+        Key(
+            "An orthophoto: GeoTIFF, a mosaic of gdalbuildvrt, or PNG or JPEG with its world file.",
+            path=PathKind.RASTER,
+        ),
     ]
     crs: Annotated[str | None, Key("Frame of a file that states none or a wrong one.", default="the file's own")] = None
 

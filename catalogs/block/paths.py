@@ -14,6 +14,7 @@ from typing import cast
 from catalogs.block.declared_keys import PathKind, declared_keys, stated_value
 from catalogs.block.keys import BlockFileSettings
 from catalogs.reader_errors import short_message
+from catalogs.readers.formats import BUILDING_READERS, CENTRELINE_READERS
 from catalogs.readers.pictures.picture_kinds import is_system_file
 from catalogs.readers.referenced_files import find_in_other_form
 from facade_core.core.errors import InputError
@@ -24,8 +25,8 @@ _VARIABLE = re.compile(r"\$\{(\w+)\}")
 # Characters of a variable's value: shorter ones occur in any path.
 _MIN_HIDDEN_LENGTH = 4
 _RASTER_SUFFIXES = (".tif", ".tiff", ".asc", ".img", ".jp2", ".hgt", ".png", ".jpg", ".vrt")
-_VECTOR_SUFFIXES = (".gpkg", ".shp", ".geojson", ".gml", ".json", ".fgb", ".parquet", ".pbf")
 _MAX_LISTED = 4  # files that a message names
+_MAX_COMPARED = 1000  # names of a folder that are looked through
 # Similarity of names, of at most 1, from which one is suggested for the other.
 _MIN_SIMILARITY = 0.6
 
@@ -97,11 +98,7 @@ def resolve_path(key: str, text: str, file: Path, kind: PathKind, *, file_kind: 
     try:
         mode = path.stat().st_mode
     except (FileNotFoundError, NotADirectoryError):
-        remedy = f"paths are relative to the {file_kind}"
-        if close := suggest_similar_file_name(path):
-            remedy = f"did you mean {close}?"
-        elif variable := _VARIABLE.search(text):
-            remedy = f"check the environment variable {variable[1]}"
+        remedy = _missing_path_remedy(key, path, text, file.parent) or f"paths are relative to the {file_kind}"
         raise ValueError(f"{key}: {shorten_path(path)} does not exist; {remedy}") from None
     except OSError as error:  # name too long, cyclic links, no permission
         raise ValueError(
@@ -111,7 +108,7 @@ def resolve_path(key: str, text: str, file: Path, kind: PathKind, *, file_kind: 
         raise ValueError(f"{key}: {ascii(text)[:60]} is no path ({short_message(error)}); name another one") from error
     if kind.is_file and not stat.S_ISREG(mode):
         what = (
-            f"is a folder; {_folder_remedy(path, kind)}"
+            f"is a folder; {folder_remedy(key, path, kind)}"
             if stat.S_ISDIR(mode)
             else "is no file but a device; name a file"
         )
@@ -119,28 +116,70 @@ def resolve_path(key: str, text: str, file: Path, kind: PathKind, *, file_kind: 
     return path
 
 
-def _folder_remedy(folder: Path, kind: PathKind) -> str:
+def _missing_path_remedy(key: str, path: Path, text: str, base: Path) -> str | None:
+    """Return what to write in place of a path that leads nowhere; None where nothing tells."""
+    if layer := re.search(r"\|layername=([^|]+)", text):
+        return f"write path: {text[: layer.start()]}, layer: {layer[1]}"
+    if re.match(r"[A-Za-z][\w+.-]+://|/vsi", text):
+        return "download or unpack it, and name the file"
+    if re.match(r"[A-Za-z]:[\\/]", text):
+        return "it is a path of Windows; name the file by its path here"
+    if geodatabase := next((one for one in path.parents if one.suffix.lower() == ".gdb" and one.is_dir()), None):
+        return _geodatabase_remedy(geodatabase)
+    if "*" in path.name or "?" in path.name:
+        folder = Path(text.replace("\\", "/")).parent
+        matching = [str(folder / one.name) for one in sorted(islice(path.parent.glob(path.name), _MAX_COMPARED))]
+        return list_remedy(key, matching if _takes_list(key) else [text]) if matching else "no file has such a name"
+    if other := find_in_other_form(path, fold_case=True):
+        return f"did you mean {os.path.relpath(other, base)}?"
+    if close := suggest_similar_file_name(path):
+        return f"did you mean {close}?"
+    variable = _VARIABLE.search(text)
+    return f"check the environment variable {variable[1]}" if variable else None
+
+
+def folder_remedy(key: str, folder: Path, kind: PathKind) -> str:
     """Return what to name in place of a folder, by the files in it."""
-    if folder.suffix.lower() == ".gdb":
-        return f"it is a file geodatabase: convert it with ogr2ogr OUT.gpkg {folder.name}"
     try:
-        inside = [path for path in islice(folder.iterdir(), 1000) if not is_system_file(path.name)]
+        inside = sorted(path.name for path in islice(folder.iterdir(), _MAX_COMPARED) if path.is_file())
     except OSError:
         return "name a file in it"
-    files = sorted(f"{folder.name}/{path.name}" for path in inside if path.is_file())
-    suffixes = _RASTER_SUFFIXES if kind is PathKind.RASTER else _VECTOR_SUFFIXES
-    named = [name for name in files if Path(name).suffix.lower() in suffixes]
+    if folder.suffix.lower() == ".gdb" or any(name.endswith(".gdbtable") for name in inside):
+        return _geodatabase_remedy(folder)
+    if any(name.endswith(".adf") for name in inside):
+        return f"it is an Esri grid: convert it with gdal_translate {folder.name} OUT.tif"
+    suffixes = _RASTER_SUFFIXES if kind is PathKind.RASTER else tuple({**BUILDING_READERS, **CENTRELINE_READERS})
+    named = [name for name in inside if not is_system_file(name) and name.lower().endswith(suffixes)]
     if kind is PathKind.RASTER and len(named) > 1:
-        return list_remedy([f"{folder.name}/*{Path(named[0]).suffix}"])
-    return f"name a file in it, such as {named[0]}" if named else "name a file in it"
+        return list_remedy(key, [f"{folder.name}/*{Path(named[0]).suffix}"])
+    if _takes_list(key) and len(named) > 1:
+        return f"name a file in it, or {list_remedy(key, [f'{folder.name}/{name}' for name in named])}"
+    return f"name a file in it, such as {folder.name}/{named[0]}" if named else "name a file in it"
 
 
-def list_remedy(paths: Sequence[str]) -> str:
-    """Return how to make one file of a list of them."""
-    names = " ".join(paths[:_MAX_LISTED]) + (" ..." if len(paths) > _MAX_LISTED else "")
-    if any(Path(path).suffix.lower() in _RASTER_SUFFIXES for path in paths):
-        return f"make one of them with gdalwarp {names} joined.tif (or gdalbuildvrt, for a terrain), and name it"
+def _geodatabase_remedy(folder: Path) -> str:
+    return f"it is a file geodatabase: convert it with ogr2ogr OUT.gpkg {folder.name}"
+
+
+def list_remedy(key: str, paths: Sequence[str]) -> str:
+    """Return how to name a list of files, or how to make one of them where a key takes one file."""
+    if _takes_list(key):
+        return f"write path: [{', '.join(paths[:_MAX_LISTED])}{', ...' if len(paths) > _MAX_LISTED else ''}]"
+    names, suffixes = " ".join(paths[:_MAX_LISTED]) + (" ..." if len(paths) > _MAX_LISTED else ""), _suffixes(paths)
+    if not suffixes.isdisjoint(_RASTER_SUFFIXES):
+        return f"make one of them with gdalwarp {names} joined.tif (or gdalbuildvrt joined.vrt {names}), and name it"
+    if suffixes == {".pbf"}:
+        return f"make one of them with osmium merge {names} -o joined.osm.pbf, and name it"
     return f"make one of them with ogrmerge.py -single -o joined.gpkg {names}, and name it"
+
+
+def _suffixes(paths: Sequence[str]) -> set[str]:
+    return {Path(path).suffix.lower() for path in paths}
+
+
+def _takes_list(key: str) -> bool:
+    declared = declared_keys(BlockFileSettings).get(key)
+    return declared is not None and "list of" in declared.value_type
 
 
 def shorten_path(path: Path, limit: int = 240) -> str:
@@ -150,9 +189,9 @@ def shorten_path(path: Path, limit: int = 240) -> str:
 
 
 def suggest_similar_file_name(path: Path) -> str | None:
-    """Return the most similar name in the folder of a missing file; compares 1000 files at most."""
+    """Return the most similar name in the folder of a missing file; compares _MAX_COMPARED files at most."""
     try:
-        near = [found.name for found in islice(path.parent.iterdir(), 1000)]
+        near = [found.name for found in islice(path.parent.iterdir(), _MAX_COMPARED)]
     except OSError:
         return None
 

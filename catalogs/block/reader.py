@@ -166,6 +166,7 @@ def build_block(keys: BlockFileSettings, file: BlockFileErrorContext) -> Block:
     height = keys.texture.viewpoint_height
     correct = partial(correct_camera_heights, buildings=buildings, elevation=terrain, camera_height=height)
     panoramas, broken_panoramas, far = _read_posed_pictures(keys, files, frame, extent, correct, file)
+    aerial, colour_notes = _read_aerial(keys, files, frame, built.items, file)
     return Block(
         crs=frame,
         buildings=buildings,
@@ -179,13 +180,14 @@ def build_block(keys: BlockFileSettings, file: BlockFileErrorContext) -> Block:
         photos=pictures.photos,
         panoramas=panoramas,
         textures=built.textures,
-        aerial=_read_aerial(keys, files, frame, built.items, file),
+        aerial=aerial,
         notes=geometry.notes
         + built.notes
         + cut
         + far
         + _flat_terrain_notes(built.items, terrain)
         + _raster_notes(files, file)
+        + colour_notes
         + (() if terrain is None else note_terrain_doubts(terrain, built.items, files["terrain.path"][0].name))
         + geoid_notes,
         faults=(*geometry.faults, *pictures.faults, *broken_panoramas),
@@ -243,13 +245,13 @@ def _read_posed_pictures(
             files.get("imagery.cameras.control", (None,))[0],
             keys.imagery.cameras.crs,
         )
-        taken = {one.path.name for one in pictures}
+        taken = {one.id for one in pictures}
         twice = tuple(
-            Fault(one.path.name, "panorama", f"a panorama is named {one.path.name} too; rename one of them")
+            Fault(one.path.name, "panorama", f"a panorama is named {one.id} too; rename one of them")
             for one in posed.items
-            if one.path.name in taken
+            if one.id in taken
         )
-        cameras, heights = correct([one for one in posed.items if one.path.name not in taken])
+        cameras, heights = correct([one for one in posed.items if one.id not in taken])
         pictures += cameras
         faults += posed.faults + twice
         notes += format_reason_notes(feature_ids_by_reason(posed.remarks)) + heights
@@ -299,14 +301,10 @@ def _flat_terrain_notes(buildings: Iterable[Building], terrain: ElevationRaster 
 
 def _raster_notes(files: NamedFiles, file: BlockFileErrorContext) -> tuple[str, ...]:
     """Return notes on rasters of heights whose unit is assumed."""
-    from catalogs.readers.pictures.aerial import note_assumed_bands
     from catalogs.readers.pictures.elevation import note_assumed_unit
 
     keys = [key for key in ("terrain.path", "buildings.heights.path") if key in files]
-    notes = [note for key in keys for note in file.call_reader(key, note_assumed_unit, files[key][0])]
-    for photo in files.get("imagery.aerial.path", ()):
-        notes += file.call_reader("imagery.aerial.path", note_assumed_bands, photo)
-    return tuple(notes)
+    return tuple(note for key in keys for note in file.call_reader(key, note_assumed_unit, files[key][0]))
 
 
 def _read_terrain(files: NamedFiles, frame: CRS, extent: Bounds, file: BlockFileErrorContext) -> ElevationRaster | None:
@@ -361,16 +359,18 @@ def _read_pictures(keys: BlockFileSettings, files: NamedFiles, file: BlockFileEr
 
 def _read_aerial(
     keys: BlockFileSettings, files: NamedFiles, frame: CRS, buildings: Iterable[Building], file: BlockFileErrorContext
-) -> Orthophoto | None:
+) -> tuple[Orthophoto | None, tuple[str, ...]]:
+    """Return the orthophoto, None without one, and notes on it."""
     if keys.imagery.aerial is None:
-        return None
-    from catalogs.readers.pictures.aerial import open_orthophoto
+        return None, ()
+    from catalogs.readers.pictures.aerial import note_assumed_colours, open_orthophoto
 
-    crs = keys.imagery.aerial.crs
+    key, crs, [path] = "imagery.aerial.path", keys.imagery.aerial.crs, files["imagery.aerial.path"]
     if crs is not None:
         file.call_reader("imagery.aerial.crs", parse_crs, crs)
     places = shapely.get_coordinates([building.footprint for building in buildings])
-    return file.call_reader("imagery.aerial.path", open_orthophoto, files["imagery.aerial.path"][0], crs, frame, places)
+    photo = file.call_reader(key, open_orthophoto, path, crs, frame, places)
+    return photo, file.call_reader(key, note_assumed_colours, photo)
 
 
 def _find_roof_material(keys: BlockFileSettings, files: NamedFiles, file: BlockFileErrorContext) -> RoofPicture | None:

@@ -33,6 +33,7 @@ _FORBIDDEN_CATEGORIES = {
     "Zl": "a line break",
     "Zp": "a line break",
 }
+_BACKSLASH_REMEDY = "write paths with / (a backslash in double quotes begins a code)"
 # Plain scalars of YAML 1.2's core schema: without dates, underscores and binary numbers.
 _CORE_SCHEMA = (
     ("null", r"~|null|Null|NULL|", ("~", "n", "N", "")),
@@ -81,7 +82,8 @@ def parse_yaml(text: str) -> JsonValue:
         if problem.startswith("found duplicate key"):
             problem = re.sub(r' with value "(\{\}|\[\])".*', "", problem)  # the parser shows no value of several lines
             raise ValueError(f"{location}{problem}; keep one, with the keys of both") from error
-        raise ValueError(f"{location}not valid YAML ({problem}); mend that line") from error
+        remedy = _BACKSLASH_REMEDY if "unknown escape character" in problem else "mend that line"
+        raise ValueError(f"{location}not valid YAML ({problem}); {remedy}") from error
 
 
 def find_key_line(path: Path, location: Sequence[str | int]) -> int | None:
@@ -217,7 +219,8 @@ def _check_event(event: Event, depth: int) -> None:
 def _check_scalar(value: str, line: str, *, is_plain: bool) -> None:
     for character in value:
         if what := _FORBIDDEN_CATEGORIES.get(unicodedata.category(character)):
-            raise ValueError(f"{line}: {ascii(value)[:60]} holds {what}; write it without")
+            remedy = "write it without" + ("" if is_plain else f", or {_BACKSLASH_REMEDY}")
+            raise ValueError(f"{line}: {ascii(value)[:60]} holds {what}; {remedy}")
     if is_plain and _LONG_INTEGER.fullmatch(value):
         raise ValueError(f"{line}: a number of {len(value)} digits; write one that is meant")
     if is_plain and _OCTAL.fullmatch(value):

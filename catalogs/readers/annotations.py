@@ -39,25 +39,15 @@ class CityJsonHeights(NamedTuple):
 
 # Property by column of the GeoPackage table `buildings`, and by attribute of CityJSON buildings.
 GEOPACKAGE_COLUMNS = {
-    "height_m": "height",
-    "levels": "levels",
-    "roof_shape": "roof_shape",
-    "roof_height_m": "roof_height",
-    "wall_material": "wall_material",
-    "roof_material": "roof_material",
-    "wall_colour": "wall_colour",
+    "height_m": "height", "levels": "levels", "roof_shape": "roof_shape", "roof_height_m": "roof_height",
+    "wall_material": "wall_material", "roof_material": "roof_material", "wall_colour": "wall_colour",
     "roof_colour": "roof_colour",
-}
+}  # fmt: skip
 CITYJSON_ATTRIBUTES = {
-    "eavesHeight": "height",
-    "storeysAboveGround": "levels",
-    "roofType": "roof_shape",
-    "roofHeight": "roof_height",
-    "wallMaterial": "wall_material",
-    "roofMaterial": "roof_material",
-    "wallColour": "wall_colour",
+    "eavesHeight": "height", "storeysAboveGround": "levels", "roofType": "roof_shape", "roofHeight": "roof_height",
+    "wallMaterial": "wall_material", "roofMaterial": "roof_material", "wallColour": "wall_colour",
     "roofColour": "roof_colour",
-}
+}  # fmt: skip
 # Attribute with the measured height at export; a difference is an edit.
 EXPORTED_HEIGHT_ATTRIBUTE = "measuredHeightExported"
 # Column of the GeoPackage table `facades`: True for a facade.

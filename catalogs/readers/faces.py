@@ -161,3 +161,11 @@ def _triangulate(
 
 def _chosen(groups: Sequence[Sequence[int]], mask: BoolArray) -> list[Sequence[int]]:
     return [group for group, wanted in zip(groups, mask, strict=True) if wanted]
+
+
+def have_equal_extents(one: Float64Array, other: Float64Array) -> bool:
+    """Return True where points (n, 3) and (m, 3) span the same box, up to a hundredth: a solid is the hull of its parts."""
+    if not len(one) or not len(other):
+        return False
+    boxes = [np.array([points.min(axis=0), points.max(axis=0)]) for points in (one, other)]
+    return bool((np.abs(boxes[0] - boxes[1]) <= np.ptp(boxes[0], axis=0) / 100).all())

@@ -49,6 +49,7 @@ _REMEDIES: Mapping[str, str] = {
     ".osm .o5m .bz2": "convert it with osmium cat IN -o OUT.osm.pbf",
     ".csv .tsv .txt .xlsx": "convert a table with WKT by ogr2ogr -oo GEOM_POSSIBLE_NAMES=WKT -a_srs EPSG:n OUT.gpkg IN",
     ".kml .gpx .tab .mif .dxf .geojsonl .geojsons .topojson .gdb .sqlite": "convert it with ogr2ogr OUT.gpkg IN",
+    ".dbf .shx .prj .cpg .qpj": "name the .shp beside it",
     ".citygml": "rename it to .gml",
     ".fbx .dae .blend .skp .3ds .max .usd .usdz .stl .dwg": "export it as OBJ or glTF, in metres",
     ".ifc .rvt": "convert it with IfcConvert IN OUT.obj, in metres",

@@ -7,7 +7,9 @@ no address can be reached.
 
 from __future__ import annotations
 
+import logging
 import re
+import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -23,6 +25,10 @@ if TYPE_CHECKING:
     from geopandas import GeoDataFrame
     from rasterio.io import DatasetReader
 
+# What GDAL warns of is off the terminal of every process; readers check what they need.
+for _library in ("rasterio", "pyogrio"):
+    logging.getLogger(_library).addHandler(logging.NullHandler())
+    logging.getLogger(_library).propagate = False
 # Nothing answers at this proxy, so that no address can be reached.
 OFFLINE_OPTIONS: Mapping[str, str] = {
     "GDAL_HTTP_PROXY": "http://127.0.0.1:9",
@@ -125,8 +131,10 @@ def open_raster_dataset(path: Path, driver: str, options: Mapping[str, str | int
     with open_regular(path):
         check_siblings(path)
     environment = rasterio.Env(**OFFLINE_OPTIONS, **options)
-    with environment, rasterio.open(path.absolute(), driver=driver, sharing=False) as opened:
-        yield opened
+    with warnings.catch_warnings(), environment:
+        warnings.simplefilter("ignore")  # readers check what they warn of
+        with rasterio.open(path.absolute(), driver=driver, sharing=False) as opened:
+            yield opened
 
 
 def check_siblings(path: Path) -> None:
@@ -147,7 +155,7 @@ def _check_and_name(path: Path) -> tuple[str, dict[str, str]]:
     check_vector_file(path)
     pyogrio.set_gdal_config_options(dict(OFFLINE_OPTIONS))
     opened, options = gdal_read_path(path), {"LIST_ALL_TABLES": "NO"} if path.suffix.lower() == ".gpkg" else {}
-    driver = pyogrio.read_info(opened, **options)["driver"]
+    driver = pyogrio.read_info(opened, layer=0, **options)["driver"]
     if driver not in _find_format(path)[1]:
         raise InputError(f"{path} is {driver} by its content; export it again, e.g. as GeoPackage")
     return opened, options

@@ -225,6 +225,8 @@ class PictureReading:
         of up to 32 pixels.
     max_full_side_px : Largest plausible side of a full panorama, pixels.
     bit_depths : bit depths of cameras and scanners; the first that holds all values is assumed.
+    min_opacity_share : opaque or transparent pixels of a band of opacity; infrared has values between.
+    overview_side_px : largest sides of the reading of an orthophoto that its values are judged by.
     min_peak_value : Smallest maximum, of 255: darker pictures are black or hold other values.
     max_values_per_read : values read at once, over all bands.
     default_material_width_m : width of a material without one in its name.
@@ -269,6 +271,8 @@ class PictureReading:
     panorama_aspect_tolerance: float = 0.02
     max_full_side_px: float = 1e6
     bit_depths: tuple[int, int, int, int, int] = (8, 10, 12, 14, 16)
+    min_opacity_share: float = 0.5
+    overview_side_px: int = 1024
     min_peak_value: int = 16
     max_values_per_read: int = 4_000_000
     default_material_width_m: float = 1.0

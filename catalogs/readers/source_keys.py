@@ -24,5 +24,14 @@ class SourceKeys:
 
 
 UP_AXIS_SUFFIXES = (".obj", ".ply", ".stl")  # mesh files whose upward axis a block file may state
-LAYERED_SUFFIXES = (".gpkg", ".geojson", ".json", ".fgb", ".shp")  # vector files read by layer
+# Keys of files of some kinds only: their suffixes, and what the key is.
+SUFFIXES_OF_KEYS = {
+    "encoding": ((".shp",), "is the code page of a Shapefile"),
+    "up": (UP_AXIS_SUFFIXES, "is of OBJ and PLY files"),
+    "layer": ((".gpkg",), "is of a GeoPackage"),
+    "lod": (
+        (".json", ".jsonl", ".gml", ".xml", ".gz"),
+        "is of CityJSON and CityGML (a GeoPackage has a layer for each)",
+    ),
+}
 NO_SOURCE_KEYS = SourceKeys()

@@ -27,11 +27,15 @@ def _reject_wrong_kind(value: str | os.PathLike[str], kind: PathType, param: cli
     path = Path(value)
     metavar = ((param.metavar if param else None) or "").strip("[]")
     if not kind.dir_okay and path.is_dir():
-        remedy = "name a file in it"
         if expected := _BLOCK_FILE_KINDS.get(metavar):
             own = path / f"{path.resolve().name}.yaml"
             found = own if own.is_file() else min(path.glob("*.yaml"), default=None)
             remedy = f"name a {expected}" + (f" such as {found}" if found else "")
+        else:
+            from catalogs.block.declared_keys import PathKind
+            from catalogs.block.paths import folder_remedy
+
+            remedy = folder_remedy(metavar, path, PathKind.FILE)
         raise click.BadParameter(f"{path} is a folder; {remedy}", param=param)
     if not kind.file_okay and path.is_file():
         is_result = metavar in _RESULT_METAVARS

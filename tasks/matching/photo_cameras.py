@@ -21,7 +21,6 @@ from catalogs.readers.pictures.cameras.placement import place_by_gps
 from catalogs.readers.pictures.cameras.upright import upright_camera
 from catalogs.readers.pictures.folders import list_images
 from catalogs.readers.pictures.panoramas import project_pose
-from catalogs.readers.pictures.poses import PosesFile, read_poses_file
 from catalogs.readers.settings import CAMERAS
 from facade_core.core.arrays import BoolArray, Float64Array
 from facade_core.core.errors import FacadeError, InputError
@@ -32,7 +31,7 @@ from facade_core.imagery.poses.group_outlines import align_to_outlines
 from facade_core.imagery.poses.model_alignment import PlacedPoints, align_to_model
 from facade_core.imagery.poses.settings import ALIGNMENT
 from tasks.engine.outcome import error_reason
-from tasks.matching.photo_matches import FULL_PANORAMA, poses_notes, read_place
+from tasks.matching.photo_matches import FULL_PANORAMA, poses_notes, read_place, read_stated_places
 from tasks.matching.settings import MATCHING
 from tasks.matching.structure_from_motion import PhotoGroup, read_small_copy, reconstruct_photos, require_pycolmap
 from tasks.stages.ingest.planning import make_plan
@@ -98,12 +97,12 @@ def pose_block_photos(block_file: Path, folder: Path, path: Path, poses: Path | 
     if path.exists():
         raise InputError(f"{path} is there; remove it, or name another with --cameras")
     photos, unreadable = list_images(folder, "photo")
-    file = read_poses_file(poses) if poses else PosesFile({})
-    stated = {photo: read_place(photo, file.poses) for photo in photos}
+    file, entries = read_stated_places(poses, folder, photos)
+    stated = {photo: read_place(photo, entries.get(photo)) for photo in photos}
     if not any(stated.values()):
         raise InputError(f"{folder}: none of its {len(photos)} photos says where it was taken; {_REMEDY}")
     block = read_block(block_file)
-    notes = list(poses_notes(file, photos))
+    notes = list(poses_notes(file, entries))
     places = np.full((len(photos), 2), np.nan)
     for place, (photo, source) in zip(places, stated.items(), strict=True):
         try:

@@ -15,6 +15,7 @@ from catalogs.reader_errors import is_system_error
 from catalogs.readers.pictures.embedded_poses import read_stated_poses
 from catalogs.readers.pictures.folders import list_images
 from catalogs.readers.pictures.panoramas import project_pose
+from catalogs.readers.pictures.picture_matches import select_entries
 from catalogs.readers.pictures.poses import PosesFile, read_poses_file
 from catalogs.readers.pictures.source_poses import SourcePose, assemble_pose
 from facade_core.core.errors import FacadeError, InputError
@@ -72,11 +73,10 @@ def match_photos(block_file: Path, folder: Path, path: Path, poses: Path | None 
             f"{path} is there and may have been mended; take its photos (--take), remove it, or name another with --out"
         )
     paths, unreadable = list_images(folder, "photo")
-    file = read_poses_file(poses) if poses else PosesFile({})
-    stated = file.poses
-    if not any(read_place(path, stated) for path in paths):  # reading the block takes longer
-        if poses and stated:
-            names = ", ".join(sorted(stated)[:3])
+    file, entries = read_stated_places(poses, folder, paths)
+    if not any(read_place(path, entries.get(path)) for path in paths):  # reading the block takes longer
+        if poses and file.poses:
+            names = ", ".join(sorted(file.poses)[:3])
             raise InputError(
                 f"{poses}: names none of the {len(paths)} photos in {folder}; its names are such as {names}"
             )
@@ -88,13 +88,13 @@ def match_photos(block_file: Path, folder: Path, path: Path, poses: Path | None 
     found, faults = [], list(unreadable)
     for photo in paths:
         try:
-            found.append(_match_photo(plan, terrain, block, photo, read_place(photo, stated)))
+            found.append(_match_photo(plan, terrain, block, photo, read_place(photo, entries.get(photo))))
         except (FacadeError, ValueError, OSError) as error:
             if is_system_error(error):
                 raise
             faults.append(Fault(photo.name, "photo", error_reason(error)))
         report_progress("match", 1)
-    return PhotoMatches(MatchTable(path, COLUMNS, tuple(found)), faults, poses_notes(file, paths))
+    return PhotoMatches(MatchTable(path, COLUMNS, tuple(found)), faults, poses_notes(file, entries))
 
 
 def place_remedy(poses: Path | None) -> str:
@@ -103,22 +103,30 @@ def place_remedy(poses: Path | None) -> str:
     return f"{given} (file,lon,lat,heading), or name each after its facade"
 
 
-def poses_notes(file: PosesFile, photos: Sequence[Path]) -> tuple[str, ...]:
+def read_stated_places(
+    poses: Path | None, folder: Path, photos: Sequence[Path]
+) -> tuple[PosesFile, dict[Path, SourcePose | str]]:
+    """Read a poses file, if any, and return the entries of photos in a folder."""
+    if poses is None:
+        return PosesFile({}), {}
+    file = read_poses_file(poses)
+    return file, select_entries(file.poses, poses.name, folder, photos)
+
+
+def poses_notes(file: PosesFile, entries: Mapping[Path, SourcePose | str]) -> tuple[str, ...]:
     """Return the notes on a poses file and on its entries for the photos."""
-    places = {photo.name: file.poses.get(photo.name) or file.poses.get(photo.stem) for photo in photos}
     of_entries = [
-        Remark(name, reason, None)
-        for name, place in places.items()
+        Remark(path.name, reason, None)
+        for path, place in entries.items()
         if isinstance(place, SourcePose)
         for _, reason in place.remarks
     ]
     return format_reason_notes(feature_ids_by_reason((*file.remarks, *of_entries)))
 
 
-def read_place(path: Path, stated: Mapping[str, SourcePose | str]) -> SourcePose | str | None:
+def read_place(path: Path, entry: SourcePose | str | None) -> SourcePose | str | None:
     """Read the place of a photo, or the fault in it; None if nothing states one."""
     try:
-        entry = stated.get(path.name) or stated.get(path.stem)
         if isinstance(entry, str):
             return entry
         pose, _ = assemble_pose(({} if entry is None else {"table": entry}) | read_stated_poses(path))

@@ -253,8 +253,11 @@ ORTHO: dict[str, tuple[Callable[[Path], Path], str]] = {
     "no-place": (lambda f: ortho(f, transform=Affine.identity()), r"states no place on the ground"),
     "no-frame": (lambda f: ortho(f, crs=None), r"states no frame; write imagery.aerial.crs"),
     "lunar": (lambda f: ortho(f, crs=MOON), r"not a frame of the Earth|no places on a map|is not a known CRS"),
-    "16-bit": (lambda f: ortho(f, values=COLOURS.astype(np.uint16)), r"has bands of uint16; convert it to 8 bits"),
-    "float": (lambda f: ortho(f, values=COLOURS / np.float32(255)), r"has bands of float32; convert it"),
+    "heights": (
+        lambda f: ortho(f, values=COLOURS * np.float32(9)),
+        r"has values from 360 to 1800 .*, which are neither",
+    ),
+    "complex": (lambda f: ortho(f, values=COLOURS.astype(np.complex64)), r"has complex values"),
     "elsewhere": (lambda f: ortho(f, transform=from_origin(0, 0, 2, 2)), r"o\.tif "),
     "one-vast-block": (
         lambda f: sparse(f, 0.05, 30_000, blockxsize=24_576, blockysize=24_576),

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from catalogs.readers.citygml.stream import gml_id, local_name, parse_numbers
-from catalogs.readers.faces import SURFACE_SEMANTICS
+from catalogs.readers.faces import SURFACE_SEMANTICS, have_equal_extents
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import GeometryError
 
@@ -168,7 +168,7 @@ def select_lod_surfaces(units: Sequence[BuildingUnit], requested_lod: int | None
     chosen = _nearest_lod(lods, 4 if requested_lod is None else requested_lod)
     whole = chosen in units[0].surfaces_by_lod
     parts = [unit for unit in units if unit.kind == "part" and chosen in unit.surfaces_by_lod]
-    if whole and parts and _have_equal_extents(units[:1], parts, chosen):
+    if whole and parts and have_equal_extents(*(_surface_points(of, chosen) for of in (units[:1], parts))):
         units = units[1:]
     found = []
     for unit in units:
@@ -180,17 +180,11 @@ def select_lod_surfaces(units: Sequence[BuildingUnit], requested_lod: int | None
     return found, chosen
 
 
-def _have_equal_extents(one: Sequence[BuildingUnit], other: Sequence[BuildingUnit], lod: int) -> bool:
-    """Return True where units span the same box, up to a hundredth: a solid of the building is the hull of its parts."""
-    boxes = []
-    for units in (one, other):
-        surfaces = chain.from_iterable(unit.surfaces_by_lod[lod] for unit in units)
-        rings = [ring for surface in surfaces for ring in polygon_rings(surface.polygon).values()]
-        points = np.concatenate([np.zeros((0, 3)), *rings])
-        if not len(points):
-            return False
-        boxes.append(np.array([points.min(axis=0), points.max(axis=0)]))
-    return bool((np.abs(boxes[0] - boxes[1]) <= np.ptp(boxes[0], axis=0) / 100).all())
+def _surface_points(units: Sequence[BuildingUnit], lod: int) -> Float64Array:
+    """Return the corners (n, 3) of the surfaces of units."""
+    surfaces = chain.from_iterable(unit.surfaces_by_lod[lod] for unit in units)
+    rings = [ring for surface in surfaces for ring in polygon_rings(surface.polygon).values()]
+    return np.concatenate([np.zeros((0, 3)), *rings])
 
 
 def _nearest_lod(lods: Collection[int], requested: int) -> int:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +31,7 @@ from catalogs.readers.cityjson.values import (
     parse_number,
     parse_points,
 )
-from catalogs.readers.faces import PlanarFace, newell_normal, triangulate_faces
+from catalogs.readers.faces import PlanarFace, have_equal_extents, newell_normal, triangulate_faces
 from catalogs.readers.json_text import is_json_lines, load_json, parse_json
 from catalogs.readers.material_colours import choose_finish, parse_colour_shares
 from catalogs.readers.referenced_files import find_referenced_file, unread_file_reason
@@ -189,11 +189,11 @@ def _read_document(document: JsonObject, reading: _ReaderState) -> None:
         id = make_unique_id(root, reading.ids, reading.remarks, reading.path)
         try:
             pieces, other = select_lod_geometries(ids, objects, templates, reading.requested_lod)
-            faces = [
-                face
-                for geometries in pieces
-                for face in _merge_geometries([place_faces(g) for g in _sort_richest_first(geometries)])
+            faces_by_piece = [
+                (id, _merge_geometries([place_faces(g) for g in _sort_richest_first(geometries)]))
+                for id, geometries in pieces
             ]
+            faces = _join_pieces(faces_by_piece, root, objects)
             model = _build_model(id, faces, [objects[i] for i in ids], axes or CoordinateAxes(), reading.remarks)
         except Exception as error:  # the other buildings are read
             place = _bounding_box([objects[i] for i in ids], points) if isinstance(error, GeometryError) else None
@@ -206,6 +206,18 @@ def _read_document(document: JsonObject, reading: _ReaderState) -> None:
             reading.remarks.append(
                 Remark(id, f"buildings without LoD {asked} read at LoD {format_lod(other)}", outline)
             )
+
+
+def _join_pieces(
+    pieces: Sequence[tuple[str, Sequence[PlanarFace]]], root: str, objects: Mapping[str, JsonObject]
+) -> list[PlanarFace]:
+    """Return the faces of the objects of a building, without a solid of its own that is the hull of its parts."""
+    corners: dict[bool, list[Float64Array]] = {True: [np.zeros((0, 3))], False: [np.zeros((0, 3))]}
+    for id, faces in pieces:
+        if id == root or objects[id].get("type") == "BuildingPart":
+            corners[id == root] += chain.from_iterable(face.rings for face in faces)
+    is_hull = have_equal_extents(np.concatenate(corners[True]), np.concatenate(corners[False]))
+    return [face for id, faces in pieces if not (is_hull and id == root) for face in faces]
 
 
 def _build_model(

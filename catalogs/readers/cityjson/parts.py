@@ -68,8 +68,8 @@ def group_building_objects(objects: CityObjects) -> Iterator[tuple[str, list[str
 
 def select_lod_geometries(
     ids: Sequence[str], objects: CityObjects, templates: Sequence[object], requested_lod: Lod | None
-) -> tuple[list[list[JsonObject]], Lod | None]:
-    """Return the geometries of a building per object, and a level that differs.
+) -> tuple[list[tuple[str, list[JsonObject]]], Lod | None]:
+    """Return the geometries of a building by the id of its objects, and a level that differs.
 
     The second value is the first level of detail other than the requested one, or None. All geometries have the
     requested level, else the nearest lower one, else the nearest higher.
@@ -94,10 +94,10 @@ def select_lod_geometries(
     solid = _solid_levels({lod for id in body for lod in levels[id]})
     chosen = _nearest_lod(solid, max(solid) if requested_lod is None else requested_lod)
     used = _body_levels(body, levels, ids[0], chosen)
-    pieces = [levels[id][lod] for id, lod in used.items()]
+    pieces = [(id, levels[id][lod]) for id, lod in used.items()]
     for id in extras:
         fit = [lod for lod in levels[id] if requested_lod is None or lod[:1] <= chosen[:1]]
-        pieces += [levels[id][max(fit)]] if fit else []
+        pieces += [(id, levels[id][max(fit)])] if fit else []
     others = [lod for lod in used.values() if requested_lod is not None and lod[: len(requested_lod)] != requested_lod]
     return pieces, next(iter(others), None)
 

@@ -21,24 +21,11 @@ _SPECULAR_GLOSSINESS = "KHR_materials_pbrSpecularGlossiness"
 # Extensions of a texture that name another picture, in order of preference.
 _PICTURE_EXTENSIONS = ("EXT_texture_webp",)
 # Required extensions that are read, or that change neither shape nor base colour.
-_SUPPORTED_EXTENSIONS = frozenset(
-    (
-        *_PICTURE_EXTENSIONS,
-        TEXTURE_TRANSFORM,
-        _SPECULAR_GLOSSINESS,
-        "KHR_mesh_quantization",
-        "KHR_materials_unlit",
-        "KHR_materials_clearcoat",
-        "KHR_materials_emissive_strength",
-        "KHR_materials_ior",
-        "KHR_materials_sheen",
-        "KHR_materials_specular",
-        "KHR_lights_punctual",
-        "KHR_xmp_json_ld",
-        "EXT_mesh_features",
-        "EXT_structural_metadata",
-    )
-)
+_SUPPORTED_EXTENSIONS = frozenset((
+    *_PICTURE_EXTENSIONS, TEXTURE_TRANSFORM, _SPECULAR_GLOSSINESS, "KHR_mesh_quantization", "KHR_materials_unlit",
+    "KHR_materials_clearcoat", "KHR_materials_emissive_strength", "KHR_materials_ior", "KHR_materials_sheen",
+    "KHR_materials_specular", "KHR_lights_punctual", "KHR_xmp_json_ld", "EXT_mesh_features", "EXT_structural_metadata",
+))  # fmt: skip
 # Extensions without which the shape is wrong, even where the file does not require them.
 _COMPRESSION_EXTENSIONS = frozenset(
     ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")

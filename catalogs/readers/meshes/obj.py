@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from catalogs.features import Fault, Remark
+from catalogs.printable_text import normal_form
 from catalogs.readers.faces import PlanarFace, triangulate_faces
 from catalogs.readers.material_colours import parse_colour_shares
 from catalogs.readers.meshes.material_options import TexturePlacement, parse_texture_statement
@@ -200,7 +201,7 @@ def _logical_lines(path: Path) -> Iterator[str]:
             if line.endswith("\\\n") and (start or not line.lstrip().startswith(_NAME_KEYS)):
                 start += line[:-2] + " "
             else:
-                yield start + line if start else line
+                yield normal_form(start + line)
                 start = ""
 
 

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from catalogs.crs import metres_per_height_unit
-from catalogs.readers.gdal_files import check_siblings
 from catalogs.readers.pictures.rasters import (
     RASTER_DRIVERS,
     check_georeference,
+    coverage_message,
     detect_driver,
     open_raster,
     read_raster_crs,
@@ -39,7 +39,8 @@ _METRES_BY_UNIT_WORD = {
     re.compile(r"\bcm\b|centimet"): 0.01,
     re.compile(r"\bdm\b|decimet"): 0.1,
 }
-REMEDY = "convert it to GeoTIFF"
+_HEIGHT_WORDS = re.compile(r"elevation|height|\b(?:dem|dtm|dsm|dgm)\b", re.IGNORECASE)
+REMEDY = "convert it to GeoTIFF, a raster with gdal_translate IN OUT.tif, points with PDAL (writers.gdal)"
 _DRIVERS_BY_MAGIC = {magic: name for magic, name in RASTER_DRIVERS.items() if name != "JPEG"} | {
     b"EHFA_HEADER_TAG": "HFA",
     b"ncols": "AAIGrid",
@@ -79,7 +80,6 @@ def read_elevation(path: Path, crs: CRS, bounds: tuple[float, float, float, floa
 def _find_driver(path: Path, depth: int = 0) -> str:
     if not path.is_file():
         raise InputError(f"{path} is no file; give an elevation raster on this machine, such as a GeoTIFF")
-    check_siblings(path)
     if driver := detect_driver(path, _DRIVERS_BY_MAGIC) or _DRIVERS_BY_SUFFIX.get(path.suffix.lower()):
         return driver
     with open_regular(path) as file:
@@ -119,7 +119,7 @@ def _read_around(
     x, y = np.meshgrid(np.linspace(bounds[0], bounds[2], 21), np.linspace(bounds[1], bounds[3], 21))
     rows, columns = rowcol(raster.transform, *to_own.transform(x.ravel(), y.ravel()), op=np.asarray)
     if not (np.isfinite(columns).all() and np.isfinite(rows).all()) or not _overlaps(columns, rows, raster):
-        raise InputError(_coverage_message(raster, path, raster_crs, crs, bounds))
+        raise InputError(coverage_message(raster, path, raster_crs, crs, bounds))
     row, column = math.floor(float(np.median(rows))), math.floor(float(np.median(columns)))
     across, along = xy(raster.transform, [row, row, row + 1], [column, column + 1, column])
     cells = np.column_stack(to_own.transform(across, along, direction="INVERSE"))
@@ -161,7 +161,7 @@ def _read_around(
         resampling=Resampling.bilinear,
     )
     if not np.isfinite(heights[margin : height - margin, margin : width - margin]).any():
-        raise InputError(_coverage_message(raster, path, raster_crs, crs, bounds, "has no known height inside"))
+        raise InputError(coverage_message(raster, path, raster_crs, crs, bounds, "has no known height inside"))
     _check_slope(heights, step, path)
     return ElevationRaster(float(west), float(north), step, heights)
 
@@ -184,6 +184,12 @@ def _check_bands(raster: DatasetReader, path: Path) -> None:
     if raster.count >= 3 and set(raster.dtypes[:3]) == {"uint8"}:
         raise InputError(
             f"{path} has {raster.count} bands of 8 bits, which is a picture; give heights in metres in one band"
+        )
+    described = [bool(_HEIGHT_WORDS.search(text or "")) for text in raster.descriptions]
+    if any(described[1:]) and not described[0]:
+        raise InputError(
+            f"{path} has its heights in band {1 + described.index(True)}; "
+            f"write them alone with gdal_translate -b {1 + described.index(True)} {path.name} OUT.tif"
         )
     if raster.dtypes[0].startswith("complex"):
         raise InputError(f"{path} has complex numbers for heights; give their real part as a GeoTIFF")
@@ -279,23 +285,3 @@ def _find_damaged_place(raster: DatasetReader, window: Window) -> str | None:
 
 def _overlaps(columns: Float64Array, rows: Float64Array, raster: DatasetReader) -> bool:
     return bool(columns.max() > 0 and rows.max() > 0 and columns.min() < raster.width and rows.min() < raster.height)
-
-
-def _coverage_message(
-    raster: DatasetReader,
-    path: Path,
-    raster_crs: CRS,
-    crs: CRS,
-    bounds: tuple[float, float, float, float],
-    problem: str = "does not cover",
-) -> str:
-    """Return the message for a raster of another place: its extent and that of the block."""
-    from pyproj import Transformer
-
-    covered = Transformer.from_crs(raster_crs, crs, always_xy=True).transform_bounds(*raster.bounds)
-    frame = crs.to_string() if np.isfinite(covered).all() else raster_crs.to_string()
-    covered = covered if np.isfinite(covered).all() else tuple(raster.bounds)
-    spans = [", ".join(f"{value:.7g}" for value in box) for box in (bounds, covered)]
-    return (
-        f"{path} {problem} the block [{spans[0]}]; it spans [{spans[1]}] in {frame}; give a raster of the block's place"
-    )

@@ -6,12 +6,13 @@ import math
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, SupportsFloat
+from typing import TYPE_CHECKING
 
 from catalogs.crs import LONLAT
 from catalogs.readers.pictures.capture_dates import exif_capture_date
 from catalogs.readers.pictures.decoding import open_picture
 from catalogs.readers.pictures.source_poses import SourcePose, TagValue, degrees_from_dms
+from catalogs.readers.referenced_files import find_in_other_form
 from catalogs.readers.settings import PICTURES
 from facade_core.core.errors import ImageError, InputError
 from facade_core.core.regular_files import open_regular
@@ -23,6 +24,7 @@ _GPS_IFD = 0x8825
 _ORIENTATION_TAG = 0x0112
 _FULL_VIEW = (0.0, 0.0, 1.0, 1.0)
 _MAGNETIC_REASON = "panoramas whose heading from magnetic north is taken as true"
+_NO_NUMBER_REASON = "panoramas whose GPano {name} is no number: read without"
 _ZERO_HEADING_REASON = (
     "panoramas whose GPano heading is 0, a usual default, and whose EXIF states another: 0 taken; give a poses file if the "
     "other is right"
@@ -95,14 +97,21 @@ def read_stated_poses(path: Path) -> dict[str, SourcePose]:
 
 def stated_poses(xmp: Mapping[str, str], gps: Mapping[str, TagValue]) -> dict[str, SourcePose]:
     """Return what the fields of XMP and the GPS tags of EXIF state of a pose, by source."""
-    heading, direction = _finite_number(xmp.get("PoseHeadingDegrees")), _direction(gps)
-    doubts: tuple[tuple[str, str], ...] = (("heading", _ZERO_HEADING_REASON),) if heading == 0 and direction else ()
-    if heading is None and (heading := _direction(xmp)) is not None:
-        doubts = _magnetic_doubts(xmp)
-    pitch, roll = (_finite_number(xmp.get(f"Pose{angle}Degrees")) for angle in ("Pitch", "Roll"))
+    names = {key: f"Pose{key.title()}Degrees" for key in ("heading", "pitch", "roll")}
+    heading, pitch, roll = (_tag_number(xmp, name) for name in names.values())
+    direction = _tag_number(gps, "GPSImgDirection")
+    doubts = [
+        (key, _NO_NUMBER_REASON.format(name=name))
+        for key, name in names.items()
+        if xmp.get(name) and _tag_number(xmp, name) is None
+    ]
+    if heading == 0 and direction:
+        doubts.append(("heading", _ZERO_HEADING_REASON))
+    if heading is None and (heading := _tag_number(xmp, "GPSImgDirection")) is not None:
+        doubts += _magnetic_doubts(xmp)
     (lon, lat), (exif_lon, exif_lat) = _lonlat(xmp), _lonlat(gps)
     return {
-        "XMP": SourcePose(LONLAT, lon, lat, None, heading, pitch, roll, remarks=doubts),
+        "XMP": SourcePose(LONLAT, lon, lat, None, heading, pitch, roll, remarks=tuple(doubts)),
         "EXIF": SourcePose(LONLAT, exif_lon, exif_lat, None, direction, remarks=_magnetic_doubts(gps)),
     }
 
@@ -121,18 +130,19 @@ def _lonlat(tags: Mapping[str, TagValue]) -> tuple[float, float] | tuple[None, N
     return (lon, lat) if math.isfinite(lon + lat) else (None, None)
 
 
-def _direction(tags: Mapping[str, TagValue]) -> float | None:
+def _tag_number(tags: Mapping[str, TagValue], name: str) -> float | None:
     try:
-        return _finite_number(_number(tags["GPSImgDirection"]))
+        number = _number(tags[name])
     except (KeyError, TypeError, ValueError, ArithmeticError):
         return None
+    return number if math.isfinite(number) else None
 
 
 def _number(value: TagValue) -> float:
-    """Return the number of a tag; XMP writes fractions as "2705/10"."""
+    """Return the number of a tag; XMP writes fractions as "2705/10", and some writers a decimal comma."""
     if not isinstance(value, str):
         return float(value)  # type: ignore[arg-type]
-    number, _, divisor = value.partition("/")
+    number, _, divisor = value.replace(",", ".").partition("/")
     return float(number) / float(divisor or 1)
 
 
@@ -142,16 +152,6 @@ def _magnetic_doubts(tags: Mapping[str, TagValue]) -> tuple[tuple[str, str], ...
     return (("heading", _MAGNETIC_REASON),) if letter in "Mm" and letter else ()
 
 
-def _finite_number(value: object) -> float | None:
-    if not isinstance(value, str | bytes | SupportsFloat):
-        return None
-    try:
-        number = float(value)
-    except (TypeError, ValueError, ArithmeticError):
-        return None
-    return number if math.isfinite(number) else None
-
-
 def _gpano_view(pano: Mapping[str, str]) -> tuple[float, float, float, float]:
     """Return the part (left, top, width, height) of the full panorama as shares; all without GPano.
 
@@ -159,7 +159,7 @@ def _gpano_view(pano: Mapping[str, str]) -> tuple[float, float, float, float]:
     """
 
     def pixels(name: str) -> float:
-        return _finite_number(pano.get(f"{name}Pixels")) or 0.0
+        return _tag_number(pano, f"{name}Pixels") or 0.0
 
     spans = [
         (pixels(f"FullPano{side}"), pixels(f"CroppedAreaImage{side}"), pixels(f"CroppedArea{edge}"))
@@ -203,7 +203,10 @@ def _xmp_fields(path: Path, image: Image) -> dict[str, str]:
 
     fields: dict[str, str] = {}
     for name in (f"{path.name}.xmp", f"{path.stem}.xmp"):
-        with suppress(OSError, InputError), open_regular(path.with_name(name), PICTURES.max_sidecar_bytes) as sidecar:
+        beside = find_in_other_form(path.with_name(name), fold_case=True)
+        if beside is None:
+            continue
+        with suppress(OSError, InputError), open_regular(beside, PICTURES.max_sidecar_bytes) as sidecar:
             carrier = PillowImage.new("L", (1, 1))
             carrier.info["xmp"] = sidecar.read()
             fields = _parse_xmp(carrier) | fields

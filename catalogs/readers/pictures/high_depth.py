@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -88,19 +88,16 @@ def read_high_bit_depth(path: Path, factor: int) -> tuple[UInt8Array, BoolArray]
         driver = "PNG" if file.read(4) == b"\x89PNG" else "GTiff"
     with open_raster_dataset(path, driver, options) as raster:
         bands, transparent, inverted = _colour_bands(path, raster)
-        if raster.dtypes[0].startswith("complex"):
-            raise ImageError(f"{path.name} has complex values; {REMEDY}")
         step = factor * max(1, PICTURES.max_values_per_read // (raster.width * raster.count * factor))
         windows = [
             Window(0, row, raster.width, min(step, raster.height - row)) for row in range(0, raster.height, step)
         ]
         low, high, opaque = _value_ranges(raster, bands, transparent, windows)
-        is_scaled = any(scale != 1 for scale in raster.scales)
-        most = _white_value(path, "floating point" if is_scaled else raster.dtypes[0], low, high)
+        most = find_white(path, raster, np.array([low, high], np.float32))
         shape = (math.ceil(raster.height / factor), math.ceil(raster.width / factor))
         rgb, hidden = np.empty((*shape, 3), np.uint8), np.empty(shape, bool)
         for window in windows:
-            values = _read_values(raster, bands, window)
+            values = read_values(raster, bands, window=window)
             known = np.asarray(np.isfinite(values).all(axis=0))
             if transparent:
                 known &= raster.read(transparent, window=window) * 2.0 > opaque
@@ -122,8 +119,12 @@ def _colour_bands(path: Path, raster: DatasetReader) -> tuple[list[int], int | N
     if raster.photometric in (PhotometricInterp.cmyk, PhotometricInterp.ycbcr, PhotometricInterp.cielab):
         raise ImageError(f"{path.name} is {raster.photometric.value} of {raster.dtypes[0]}; {REMEDY}")
     bands = find_colour_bands(raster, path.name)
-    inverted = str(raster.tags(ns="IMAGE_STRUCTURE").get("MINISWHITE", "")).upper() == "YES"
-    return list(bands.colours), bands.alpha, inverted
+    return list(bands.colours), bands.alpha, is_inverted(raster)
+
+
+def is_inverted(raster: DatasetReader) -> bool:
+    """Return True where the lowest value is white."""
+    return str(raster.tags(ns="IMAGE_STRUCTURE").get("MINISWHITE", "")).upper() == "YES"
 
 
 def _value_ranges(
@@ -132,7 +133,7 @@ def _value_ranges(
     """Return the lowest and the highest known value of the colours, and the highest of the alpha band."""
     low, high, opaque = math.inf, -math.inf, 0.0
     for window in windows:
-        values = _read_values(raster, bands, window)
+        values = read_values(raster, bands, window=window)
         finite = values[:, np.isfinite(values).all(axis=0)]
         low, high = float(finite.min(initial=low)), float(finite.max(initial=high))
         if transparent:
@@ -140,9 +141,11 @@ def _value_ranges(
     return low, high, opaque
 
 
-def _read_values(raster: DatasetReader, bands: list[int], window: Window) -> Float32Array:
-    """Return values (bands, rows, columns), NaN for nodata."""
-    values = raster.read(bands, window=window)
+def read_values(raster: DatasetReader, bands: Sequence[int], **options: Any) -> Float32Array:
+    """Return scaled values (bands, rows, columns), NaN for nodata, read with options of rasterio."""
+    values = raster.read(list(bands), **options)
+    if np.iscomplexobj(values):
+        raise ImageError(f"{Path(raster.name).name} has complex values; {REMEDY}")
     nodata, scales, offsets = (
         np.array([of_bands[band - 1] for band in bands], np.float64)[:, None, None]
         for of_bands in (raster.nodatavals, raster.scales, raster.offsets)
@@ -153,8 +156,23 @@ def _read_values(raster: DatasetReader, bands: list[int], window: Window) -> Flo
     return np.asarray(values)
 
 
-def _white_value(path: Path, kind: str, low: float, high: float) -> float:
-    """Return the value of white."""
+def find_white(path: Path, raster: DatasetReader, values: Float32Array) -> float:
+    """Return the value of white: 1 or 255 of fractions, else that of the fewest bits that hold all values.
+
+    Parameters
+    ----------
+    path : file, for messages.
+    raster : open raster.
+    values : scaled values, NaN where unknown.
+
+    Raises
+    ------
+    ImageError
+        Where they are no colours.
+    """
+    finite = values[np.isfinite(values)]
+    low, high = float(finite.min(initial=math.inf)), float(finite.max(initial=-math.inf))
+    kind = "floating point" if any(scale != 1 for scale in raster.scales) else raster.dtypes[0]
     if high < low:
         raise ImageError(f"{path.name} has no pixel that is a number; replace or remove it")
     if low == high == 0:

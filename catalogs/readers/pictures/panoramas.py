@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING
 from catalogs.crs import LONLAT
 from catalogs.features import Fault, Remark
 from catalogs.file_digest import file_digest
-from catalogs.printable_text import format_unit_reason, normal_form
+from catalogs.printable_text import format_unit_reason
 from catalogs.reader_errors import fault_reason, to_single_line
 from catalogs.readers.pictures.embedded_poses import read_panorama_metadata
 from catalogs.readers.pictures.folders import list_images
+from catalogs.readers.pictures.picture_matches import picture_id, select_entries
 from catalogs.readers.pictures.poses import PosesFile, read_poses_file
 from catalogs.readers.pictures.source_poses import SourcePose, assemble_pose, find_implausible_value, is_on_earth
 from catalogs.readers.settings import PICTURES
@@ -29,6 +30,10 @@ _OUTDATED_REASON = (
     "panoramas taken more than a year before others beside them; `changed` tells of facades, ground shows all of them "
     "(imagery.panoramas.since leaves old ones out)"
 )
+_TILT_REASON = (
+    "panoramas that {source} tilts by over 45 degrees; pitch is 0 at the horizon (Metashape counts from straight down), roll 0 "
+    "upright"
+)
 _DISTANT_REASON = (
     "panoramas skipped that lie far from the buildings; check the order of x and y (east first), of lon and lat, "
     "and the crs"
@@ -41,7 +46,7 @@ class PosedPanorama:
 
     Attributes
     ----------
-    id : file name without suffix.
+    id : path in the folder without suffix, as left-0000.
     path : file.
     pose : camera pose.
     captured : date in the poses file, else in EXIF; None without one.
@@ -94,9 +99,10 @@ def read_panoramas(
     InputError
         Where no picture has a pose.
     """
-    paths, unreadable = list_images(folder, "panorama")
+    paths, unreadable = list_images(folder, "panorama", with_subfolders=True)
     stated = read_poses_file(poses) if poses else PosesFile({})
-    reader = _PanoramaReader(poses, _match_letter_case(stated.poses, paths), crs, bounds)
+    entries = {} if poses is None else select_entries(stated.poses, poses.name, folder, paths)
+    reader = _PanoramaReader(folder, poses, entries, crs, bounds)
     reader.faults += unreadable
     reader.remarks += stated.remarks
     for path in paths:
@@ -108,8 +114,8 @@ def read_panoramas(
     if not reader.posed:
         remedy = "; ".join(format_unit_reason(fault.id, fault.reason) for fault in faults[:3])
         raise InputError(f"{folder} holds no panorama that can be used: {remedy}")
-    if poses and not any(_find_entry(reader.sources, path) for path in paths):
-        example = next(iter(reader.sources))
+    if poses and not entries:
+        example = next(iter(stated.poses))
         reason = f"none of the pictures it names (e.g. {example}) is in {folder}; name files as they are there"
         faults.append(Fault(poses.name, "panorama", f"{poses.name}: {reason}"))
     if first_day := _parse_date(since):
@@ -135,12 +141,13 @@ class _PanoramaReader:
 
     def __init__(
         self,
+        folder: Path,
         poses: Path | None,
-        sources: dict[str, SourcePose | str],
+        entries: Mapping[Path, SourcePose | str],
         crs: CRS,
         bounds: tuple[float, float, float, float] | None,
     ) -> None:
-        self.poses, self.sources, self._crs, self._bounds = poses, sources, crs, bounds
+        self.folder, self.poses, self.entries, self._crs, self._bounds = folder, poses, entries, crs, bounds
         self.items: list[PosedPanorama] = []
         self.faults: list[Fault] = []
         self.remarks: list[Remark] = []
@@ -151,11 +158,12 @@ class _PanoramaReader:
 
     def read(self, path: Path) -> None:
         """Read one picture; ValueError where it cannot be used."""
-        first = self._known.setdefault(path.stem, path)
+        id = picture_id(path, self.folder)
+        first = self._known.setdefault(id, path)
         if first != path:
             raise ValueError(f"{path.name} and {first.name} have one name; rename or remove one")
         view, embedded, taken = read_panorama_metadata(path)
-        entry = _find_entry(self.sources, path)
+        entry = self.entries.get(path)
         if isinstance(entry, str):
             raise ValueError(entry)
         stated = {} if self.poses is None or entry is None else {self.poses.name: entry}
@@ -165,28 +173,20 @@ class _PanoramaReader:
         pose = project_pose(source, view, self._crs, self._frames)
         self.posed += 1
         if is_distant(pose, self._bounds):
-            self.remarks.append(Remark(path.stem, _DISTANT_REASON, None))
+            self.remarks.append(Remark(id, _DISTANT_REASON, None))
             return
         self._check_twin(path)
         reasons = [*(reason for _, reason in source.remarks), *_mixed_source_reasons(origins, has_file=bool(stated))]
-        self.remarks += [Remark(path.stem, reason, None) for reason in reasons]
-        self.items.append(PosedPanorama(normal_form(path.stem), path, pose, source.captured or taken))
+        tilts = [key for key in ("pitch", "roll") if abs(getattr(source, key) or 0.0) > PICTURES.max_panorama_tilt_deg]
+        reasons += sorted({_TILT_REASON.format(source=origins[key]) for key in tilts})
+        self.remarks += [Remark(id, reason, None) for reason in reasons]
+        self.items.append(PosedPanorama(id, path, pose, source.captured or taken))
 
     def _check_twin(self, path: Path) -> None:
         alike = self._same_size.setdefault(path.stat().st_size, [])
         if twin := next((one for one in alike if file_digest(one) == file_digest(path)), None):
             raise ValueError(f"is the same picture as {twin.name}; remove one, or mend its file")
         alike.append(path)
-
-
-def _match_letter_case(poses: Mapping[str, SourcePose | str], paths: Sequence[Path]) -> dict[str, SourcePose | str]:
-    """Return the poses under the names of the pictures, where these differ by letter case or normal form only."""
-    names = {name for path in paths for name in (path.name, path.stem)}
-    folded = {normal_form(name.casefold()): name for name in sorted(names)}
-    renamed = {
-        folded.get(normal_form(name.casefold()), name): pose for name, pose in poses.items() if name not in names
-    }
-    return renamed | {name: pose for name, pose in poses.items() if name in names}
 
 
 def outdated_remarks(items: Sequence[PosedPanorama]) -> list[Remark]:
@@ -216,10 +216,6 @@ def _parse_date(text: str | None) -> date | None:
         return date.fromisoformat(text[:10]) if text else None
     except ValueError:
         return None
-
-
-def _find_entry(sources: Mapping[str, SourcePose | str], path: Path) -> SourcePose | str | None:
-    return sources.get(path.name) or sources.get(path.stem)
 
 
 def _mixed_source_reasons(origins: Mapping[str, str], *, has_file: bool) -> list[str]:

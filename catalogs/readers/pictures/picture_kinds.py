@@ -37,23 +37,15 @@ _FORMATS = {
 
 
 # Files and folders that systems and servers leave beside others; names that begin with a point are hidden.
-_SYSTEM_NAMES = frozenset(
-    (
-        "__macosx",
-        "thumbs.db",
-        "ehthumbs.db",
-        "desktop.ini",
-        "@eadir",
-        "#recycle",
-        "$recycle.bin",
-        "system volume information",
-    )
-)
+_SYSTEM_NAMES = frozenset((
+    "__macosx", "thumbs.db", "ehthumbs.db", "desktop.ini", "@eadir", "#recycle", "$recycle.bin",
+    "system volume information", "lost+found", "zbthumbnail.info", "icon\r",
+))  # fmt: skip
 
 
 def is_system_file(name: str) -> bool:
     """Return True for a file or folder that Finder, Windows or a NAS leaves beside others, or that is hidden."""
-    return name.startswith(".") or name.lower() in _SYSTEM_NAMES
+    return name.startswith((".", "~$")) or name.lower() in _SYSTEM_NAMES
 
 
 @cache

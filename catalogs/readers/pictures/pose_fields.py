@@ -44,6 +44,10 @@ _UNIT = re.compile(
     r"[\s_.]*[\[(]?(?:(?P<deg>deg|degrees?|°)|(?P<gon>gon|grads?|gradians?)|(?P<rad>rad|radians?)"
     r"|(?P<ft>(?:us[-_ ]?|int[-_ ]?)?(?:ft|feet|foot)(?:us)?)|(?P<mm>mm)|(?P<cm>cm)|(?P<km>km)|(?P<m>m|met(?:er|re)s?))[\])]?$"
 )
+# Groups that ExifTool writes before the names of tags.
+_NAMESPACE = re.compile(r"^(?:exif|xmp|xmp-\w+|composite|gps|gpano)\s*:\s*")
+# What databases and tables write for an empty cell.
+_EMPTY_WORDS = frozenset(("", "nan", "null", "none", "n/a", "-"))
 # A latitude or longitude: hemisphere, degrees, minutes, seconds, hemisphere.
 _SEXAGESIMAL = re.compile(
     r"\s*([NSEW])?\s*(\d+(?:[.,]\d+)?)\s*(?:°|º|deg|d|:)?"
@@ -65,7 +69,7 @@ _DEFAULTS = {"z": "height unknown", "pitch": "taken as 0", "roll": "taken as 0"}
 
 def field_name(name: str) -> str:
     """Return a name of a field as FIELD_NAMES has it."""
-    plain = name.strip().lower()
+    plain = _NAMESPACE.sub("", name.strip().lower())
     return re.sub(r"[\s:.-]+", "_", _UNIT.sub("", plain) or plain)
 
 
@@ -96,6 +100,8 @@ def read_field(record: JsonObject, key: str, crs: str | None) -> object:
         if key in ("lon", "lat") and (degrees := _parse_sexagesimal(value)) is not None:
             return degrees
     factor = _unit_factor(name, key, crs)
+    if key in ("lon", "lat") and str(record.get(f"{name}Ref", ""))[:1].upper() in ("S", "W"):
+        factor = -factor
     if factor == 1.0 or not isinstance(value, str | int | float) or isinstance(value, bool):
         return value
     try:
@@ -223,7 +229,7 @@ def find_empty_fields(file: str, records: Mapping[str, JsonObject]) -> dict[str,
 
 
 def _is_stated(content: object) -> bool:
-    return content is not None and content != ""
+    return content is not None and not (isinstance(content, str) and content.strip().lower() in _EMPTY_WORDS)
 
 
 def _is_number(content: object) -> bool:

@@ -6,7 +6,6 @@ import csv
 import re
 from collections.abc import Iterable, Iterator
 from itertools import chain, dropwhile
-from pathlib import Path
 from typing import TypeAlias
 
 from catalogs.readers.pictures.camera_angles import (
@@ -116,7 +115,7 @@ def _picture_name(record: JsonObject) -> str:
     name = find_field(record, "file")
     if name is None:
         raise ValueError("an entry does not name its picture")
-    return str(record[name]).replace("\\", "/").rpartition("/")[2]  # folders of any machine
+    return str(record[name]).replace("\\", "/")  # of any machine
 
 
 def _flatten_record(record: JsonObject, crs: str | None = None) -> JsonObject:
@@ -153,7 +152,7 @@ def _reconstruction_shots(reconstruction: JsonObject) -> Iterable[tuple[str, Pos
             lon, lat, _ = to_lonlat.transform(centre[0], centre[1], centre[2])
             heading, pitch, roll = camera_angles(rotation)
         except (ValueError, TypeError, KeyError, AttributeError, ArithmeticError) as error:
-            yield Path(name).name, error
+            yield name, error
         else:
             # no height: its datum is that of GPS, not that of the block
-            yield Path(name).name, dict(lon=lon, lat=lat, heading=heading, pitch=pitch, roll=roll)
+            yield name, dict(lon=lon, lat=lat, heading=heading, pitch=pitch, roll=roll)

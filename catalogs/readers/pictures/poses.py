@@ -29,10 +29,6 @@ from facade_core.core.regular_files import read_regular, require_regular
 
 _NUMBER_FIELDS = ("x", "y", "z", "lon", "lat", "heading", "pitch", "roll")
 _FORMAT_HINT = 'a CSV with file,x,y,z,heading columns or JSON {"crs": ..., "poses": {"FILE": {"x", "y", "heading"}}}'
-_TILT_REASON = (
-    "panoramas that {file} tilts by over 45 degrees; pitch is 0 at the horizon (Metashape counts from straight down), roll 0 "
-    "upright"
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +82,7 @@ def read_poses_file(path: Path) -> PosesFile:
     if not poses:
         raise InputError(f"{path} holds no poses; give {_FORMAT_HINT}")
     remarks = [remark for find in (find_unused_fields, find_unread_days) for remark in find(path.name, stated.values())]
-    return PosesFile(poses, (*remarks, *_note_tilts(path.name, poses)))
+    return PosesFile(poses, tuple(remarks))
 
 
 def _read_text(path: Path) -> str:
@@ -120,15 +116,6 @@ def _read_pose(
         return f"{file}: {to_single_line(name[:80])}: {to_single_line(problem)[:160]}; mend that entry"
 
 
-def _note_tilts(file: str, poses: Mapping[str, SourcePose | str]) -> list[Remark]:
-    return [
-        Remark(name, _TILT_REASON.format(file=file), None)
-        for name, pose in poses.items()
-        if isinstance(pose, SourcePose)
-        and max(abs(pose.pitch or 0.0), abs(pose.roll or 0.0)) > PICTURES.max_panorama_tilt_deg
-    ]
-
-
 def _parse_pose(record: JsonObject, crs: str | None) -> SourcePose:
     """Return a record as a pose; ValueError with the missing or invalid field."""
     if not isinstance(record, dict):
@@ -157,7 +144,7 @@ def _place(
 ) -> tuple[str | None, float | None, float | None]:
     """Return frame, x and y: longitude and latitude of fields, else of EXIF's tags, else x and y in `crs`.
 
-    A record of angles alone counts them from true north.
+    A record without a place counts angles from true north.
     """
     lon, lat, x, y = (value[key] for key in ("lon", "lat", "x", "y"))
     if lon is not None and lat is not None:
@@ -167,7 +154,7 @@ def _place(
         return LONLAT, lon, degrees_from_dms(gps["GPSLatitude"], gps.get("GPSLatitudeRef"))
     if x is not None and y is not None:
         return crs, x, y
-    if any(value[key] is not None for key in ("x", "y", "lon", "lat")) or value["heading"] is value["pitch"] is None:
+    if any(place is not None for place in (lon, lat, x, y)) or all(one is None for one in value.values()):
         raise ValueError("neither x and y nor lon and lat are given")
     return LONLAT, None, None
 

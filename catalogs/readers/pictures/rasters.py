@@ -5,11 +5,12 @@ from __future__ import annotations
 import logging
 import math
 import sys
-import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from catalogs.crs import has_east_north_axes, parse_crs
 from catalogs.reader_errors import to_single_line, wrap_reader_errors
@@ -59,16 +60,15 @@ def open_raster(path: Path, driver: str, kind: str, remedy: str) -> Iterator[Dat
     InputError
         Where the raster cannot be read, on opening or later.
     """
-    from rasterio.errors import NotGeoreferencedWarning, RasterioError
+    from rasterio.errors import RasterioError
 
-    _check_sidecar(path)
+    check_sidecar(path)
     with wrap_reader_errors(path, f"is not a valid {kind.partition(' ')[2]}", remedy):
         try:
-            with warnings.catch_warnings(), _silence_unraisable():
-                warnings.simplefilter("ignore", NotGeoreferencedWarning)  # rejected below with a remedy
-                with open_raster_dataset(path, driver, {"GDAL_CACHEMAX": PICTURES.gdal_cache_bytes}) as opened:
-                    _check_size(opened, path)
-                    yield opened
+            options = {"GDAL_CACHEMAX": PICTURES.gdal_cache_bytes}
+            with _silence_unraisable(), open_raster_dataset(path, driver, options) as opened:
+                _check_size(opened, path)
+                yield opened
         except RasterioError as error:
             reason = to_single_line(str(error.__cause__ or error))[:160]
             raise InputError(f"{path} cannot be read as {kind} ({reason}); {remedy}") from error
@@ -164,8 +164,6 @@ def _check_size(raster: DatasetReader, path: Path) -> None:
 
 def _count_words(path: Path) -> int:
     """Return the number of words of a text, read in pieces; 0 for binary data, in which GDAL finds no end."""
-    import numpy as np
-
     total, within = 0, np.zeros(1, bool)
     with open_regular(path) as file:
         while piece := file.read(1_000_000):
@@ -178,7 +176,6 @@ def _count_words(path: Path) -> int:
 
 
 def _value_bytes(kind: str) -> int:
-    import numpy as np
 
     try:
         return np.dtype(kind).itemsize
@@ -186,7 +183,7 @@ def _value_bytes(kind: str) -> int:
         return 16
 
 
-def _check_sidecar(path: Path) -> None:
+def check_sidecar(path: Path) -> None:
     """Raise InputError where FILE.aux.xml makes GDAL read another file in place of a raster."""
     beside = path.with_name(path.name + ".aux.xml")
     if beside.is_file():
@@ -194,3 +191,23 @@ def _check_sidecar(path: Path) -> None:
             content = file.read(10_000_001)
         if b"OVERVIEW_FILE" in content.upper() or len(content) > 10_000_000:
             raise InputError(f"{beside} names another file for overviews; remove it")
+
+
+def coverage_message(
+    raster: DatasetReader,
+    path: Path,
+    raster_crs: CRS,
+    crs: CRS,
+    bounds: tuple[float, float, float, float],
+    problem: str = "does not cover",
+) -> str:
+    """Return the message for a raster of another place: its extent and that of the block, in the frame of the block."""
+    from pyproj import Transformer
+
+    covered = Transformer.from_crs(raster_crs, crs, always_xy=True).transform_bounds(*raster.bounds)
+    frame = crs.to_string() if np.isfinite(covered).all() else raster_crs.to_string()
+    covered = covered if np.isfinite(covered).all() else tuple(raster.bounds)
+    spans = [", ".join(f"{value:.7g}" for value in box) for box in (bounds, covered)]
+    return (
+        f"{path} {problem} the block [{spans[0]}]; it spans [{spans[1]}] in {frame}; give a raster of the block's place"
+    )

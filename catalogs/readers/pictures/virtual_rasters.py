@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from catalogs.reader_errors import wrap_reader_errors
+from catalogs.readers.gdal_files import check_siblings
+from catalogs.readers.pictures.rasters import check_sidecar
 from catalogs.readers.settings import PICTURES
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import read_regular
@@ -18,30 +20,11 @@ REMEDY = "give one GeoTIFF (gdal_translate)"
 # Elements of mosaics of gdalbuildvrt and gdal_translate. Other elements read any file as raw numbers, warp, compute, or open
 # sources with options.
 _ALLOWED_ELEMENTS = {
-    *(
-        "VRTDataset",
-        "SRS",
-        "GeoTransform",
-        "Metadata",
-        "MDI",
-        "VRTRasterBand",
-        "NoDataValue",
-        "ColorInterp",
-        "Description",
-    ),
-    *(
-        "UnitType",
-        "Scale",
-        "Offset",
-        "SimpleSource",
-        "ComplexSource",
-        "SourceFilename",
-        "SourceBand",
-        "SourceProperties",
-    ),
-    *("SrcRect", "DstRect", "NODATA", "ScaleOffset", "ScaleRatio", "HideNoDataValue", "Histograms", "OverviewList"),
-    *("BlockXSize", "BlockYSize"),
-}
+    "VRTDataset", "SRS", "GeoTransform", "Metadata", "MDI", "VRTRasterBand", "NoDataValue", "ColorInterp", "Description",
+    "UnitType", "Scale", "Offset", "SimpleSource", "ComplexSource", "SourceFilename", "SourceBand", "SourceProperties",
+    "SrcRect", "DstRect", "NODATA", "ScaleOffset", "ScaleRatio", "HideNoDataValue", "Histograms", "OverviewList",
+    "BlockXSize", "BlockYSize",
+}  # fmt: skip
 
 
 def check_virtual_raster(path: Path, check_source: Callable[[Path], object]) -> None:
@@ -87,4 +70,6 @@ def _check_source(path: Path, text: str, relative: bool, check_source: Callable[
         raise InputError(f"{path} is put together from {text[:200]}, which is no file here; {REMEDY}")
     if not source.is_relative_to(folder):
         raise InputError(f"{path} is put together from {text[:200]}, which lies outside its folder; {REMEDY}")
+    check_siblings(source)
+    check_sidecar(source)
     check_source(source)

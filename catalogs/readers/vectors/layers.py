@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import warnings
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -47,6 +47,7 @@ _HEIGHT_TAGS = frozenset(("height", "height:eaves", "building:levels"))
 _UNREAD_NUMBERS_REASON = (
     "columns of {file} with numbers that are not read; rename heights to height or height_ft, storeys to levels"
 )
+_SEVERAL_LAYERS_REASON = "layers read of files that have several; the key layer chooses another"
 _PARQUET_SUFFIXES = (".parquet", ".geoparquet")
 _GEOMETRY_TYPES = {
     "outlines": ("Polygon", "Surface", "TIN", "Triangle"),
@@ -104,10 +105,13 @@ def read_layer_features(
     with wrap_reader_errors(path, "cannot be read", "export it again, e.g. as GeoPackage"):
         _check_file(path)
         if path.suffix.lower() in _PARQUET_SUFFIXES:
-            layer, others = path.stem, list[str]()
+            layer, others, remarks = path.stem, list[str](), list[Remark]()
         else:
-            layer, others = _choose_layer(path, kind, name_hints, keys.layer)
+            layer, others, remarks = _choose_layer(
+                path, kind, name_hints, keys.layer if path.suffix.lower() == ".gpkg" else None
+            )
         found = _read_table(path, layer, others, keys, with_numbers=kind == "outlines")
+        found = replace(found, remarks=[*found.remarks, *remarks])
     types = {geometry.geom_type for geometry in found.geometries if geometry is not None} - {"GeometryCollection"}
     if types and not any(_is_of_kind(one, kind) for one in types):
         raise InputError(f"{path} holds no {kind} but {', '.join(sorted(types))}; give a file with {kind}")
@@ -223,25 +227,29 @@ def _is_of_kind(geometry_type: str, kind: str) -> bool:
     return any(known in geometry_type for known in _GEOMETRY_TYPES[kind])
 
 
-def _choose_layer(path: Path, kind: str, name_hints: Sequence[str], stated: str | None) -> tuple[str, list[str]]:
-    """Return the layer to read, and the others."""
+def _choose_layer(
+    path: Path, kind: str, name_hints: Sequence[str], stated: str | None
+) -> tuple[str, list[str], list[Remark]]:
+    """Return the layer to read, the others, and a remark on others of the same kind."""
     listed = _list_drawn_layers(path)
     fitting = [name for name, found in listed.items() if _is_of_kind(found, kind)]
     fitting = fitting or [name for name, found in listed.items() if found in ("Unknown", "GeometryCollection")]
+    remarks = []
+    if not fitting:
+        others = ", ".join(f"{name} ({found})" for name, found in listed.items()) or "no layer with geometry"
+        raise InputError(f"{path} holds no {kind} but {others}; give a file with {kind}")
     if stated is not None:
-        chosen = next((name for name in listed if normal_form(name) == normal_form(stated)), None)
+        chosen = next((name for name in fitting if normal_form(name) == normal_form(stated)), None)
         if chosen is None:
-            raise InputError(f"{path} has no layer {stated}; it has {', '.join(listed) or 'none'}")
-    elif fitting:
+            raise InputError(f"{path} has no layer {stated} of {kind}; write as layer one of: {', '.join(fitting)}")
+    else:
         chosen = min(fitting, key=lambda name: not any(word in name.lower() for word in name_hints))
         if kind == "outlines" and len(fitting) > 1:
             solids = [name for name in fitting if _holds_solids(path, name)]
             chosen = max(solids, key=natural_sort_key, default=chosen)
-    else:
-        others = ", ".join(f"{name} ({found})" for name, found in listed.items()) or "no layer with geometry"
-        raise InputError(f"{path} holds no {kind} but {others}; give a file with {kind}")
-    del listed[chosen]
-    return chosen, list(listed)
+        if passed_over := [name for name in fitting if name != chosen]:
+            remarks.append(Remark(f"{chosen}, not {', '.join(passed_over)}", _SEVERAL_LAYERS_REASON, None))
+    return chosen, [name for name in listed if name != chosen], remarks
 
 
 def _holds_solids(path: Path, layer: str) -> bool:

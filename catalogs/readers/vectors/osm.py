@@ -31,20 +31,10 @@ if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
 # Streets that a camera can travel between facades. Service roads are driveways and parking aisles, mostly inside blocks.
-STREET_HIGHWAYS = frozenset(
-    [
-        "residential",
-        "unclassified",
-        "tertiary",
-        "secondary",
-        "primary",
-        "pedestrian",
-        "living_street",
-        "tertiary_link",
-        "secondary_link",
-        "primary_link",
-    ]
-)
+STREET_HIGHWAYS = frozenset((
+    "residential", "unclassified", "tertiary", "secondary", "primary", "pedestrian", "living_street", "tertiary_link",
+    "secondary_link", "primary_link",
+))  # fmt: skip
 OPEN_ROOF_VALUES = frozenset(("roof", "carport"))
 _TRUE_WORDS = frozenset(("yes", "true", "1", "t", "y"))
 # id, geometry and tags of a feature

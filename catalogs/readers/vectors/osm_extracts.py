@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import struct
 import tempfile
+import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 _CODECS = {6: "lz4_raw", 7: "zstd"}
 _MAX_BLOB_BYTES = 32 * 2**20
 _WAY_MEMBER = 1
+_PACKING_REMEDY = "download it again, or write it again with osmium cat -f pbf"
 _SMART_REMEDY = "cut it out again with osmium extract -s smart"
 _FILTER_REMEDY = "filter it again with osmium tags-filter without --omit-referenced"
 _LOCATIONS_REMEDY = "write it again with osmium add-locations-to-ways --keep-untagged-nodes"
@@ -55,7 +57,12 @@ def open_osm_extract(path: Path) -> Iterator[str]:
     InputError
         Where the file is no readable .pbf.
     """
-    with open_regular(path) as file, wrap_reader_errors(path, "cannot be read as OSM .pbf", "download it again"):
+    with (
+        open_regular(path) as file,
+        warnings.catch_warnings(),
+        wrap_reader_errors(path, "cannot be read as OSM .pbf", _PACKING_REMEDY),
+    ):
+        warnings.simplefilter("ignore", UserWarning)  # of layers without features
         if b"OSMHeader" not in file.read(64):
             raise InputError(f"{path} is not an OSM .pbf file; export the area again as .osm.pbf")
         if not any(_packed_content(blob) for _, blob in _iterate_blobs(file)):
@@ -87,6 +94,9 @@ def find_incomplete_features(path: Path, readable: str) -> IncompleteFeatures:
     from pyrosm.pbf_export import read_header_block
     from pyrosm.pbfreader import iter_decoded_blocks
 
+    header = read_header_block(readable)
+    if "HistoricalInformation" in header.required_features:
+        raise InputError(f"{path} holds all versions of its features; take those of one day with osmium time-filter")
     blocks = list(iter_decoded_blocks(readable))
     node_ids, lonlat = _locate_nodes([(header, nodes) for _, header, nodes, _, _ in blocks if nodes is not None])
     ways = [_Rows(strings, found, "refs") for strings, _, _, found, _ in blocks if found is not None]
@@ -95,7 +105,7 @@ def find_incomplete_features(path: Path, readable: str) -> IncompleteFeatures:
     whole = np.sort(
         np.concatenate([np.zeros(0, np.int64), *(np.delete(w.ids, c) for w, c in zip(ways, cut, strict=True))])
     )
-    has_locations = "LocationsOnWays" in read_header_block(readable).optional_features
+    has_locations = "LocationsOnWays" in header.optional_features
     if not len(whole) and any(map(len, cut)):
         remedy = _LOCATIONS_REMEDY if has_locations else _FILTER_REMEDY
         raise InputError(f"{path} lacks the nodes of its ways; {remedy}")

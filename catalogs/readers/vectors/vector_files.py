@@ -77,7 +77,7 @@ def read_vector_footprints(path: Path, lod: str | None = None, keys: SourceKeys 
         Where the file cannot be read or holds no outlines.
     """
     features = read_layer_features(path, "outlines", _BUILDING_LAYERS, keys)
-    remarks = _layer_remarks(features)
+    remarks = list(features.remarks)
     faults = []
     items = []
     degrees = features.crs == LONLAT
@@ -243,17 +243,6 @@ def _id_remarks(found: CentrelinesAndGround, features: LayerFeatures, path: Path
             continue
         if names[id] is None or names[id] != names.get(id.rpartition("-")[0]):
             yield Remark(item.id, f"streets of {path.name} {features.id_remarks[id]}", None)
-
-
-def _layer_remarks(features: LayerFeatures) -> list[Remark]:
-    if not features.other_layers:
-        return list(features.remarks)
-    return [
-        *features.remarks,
-        Remark(
-            f"{features.layer}, not {', '.join(features.other_layers)}", "layers read of files that have several", None
-        ),
-    ]
 
 
 def _base_heights(features: LayerFeatures) -> list[float | None]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from difflib import get_close_matches
 
+from catalogs.printable_text import normal_form
 from facade_core.atlas.journal import clear_record
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
 from facade_core.core.errors import InputError
@@ -39,7 +40,7 @@ def find_streets(plan: Plan, street: str) -> list[int]:
     ------
     InputError : the street is unknown.
     """
-    chosen = [i for i, one in enumerate(plan.streets) if street in (one.id, one.name)]
+    chosen = [i for i, one in enumerate(plan.streets) if normal_form(street) in (one.id, one.name)]
     if not chosen:
         known = sorted({one.name or one.id for one in plan.streets})
         near = get_close_matches(street, known, n=1, cutoff=0.4) or known[:1]

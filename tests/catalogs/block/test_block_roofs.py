@@ -64,7 +64,7 @@ def test_a_frame_that_is_named_stands_in_for_one_that_is_missing(read: Read, fol
 
 def test_what_cannot_be_used_is_refused_with_its_key(read: Read, folder: Path) -> None:
     write_above(folder, west=26.0)
-    with pytest.raises(BlockFileError, match=r"imagery\.aerial\.path: .*above\.tif shows none of the buildings"):
+    with pytest.raises(BlockFileError, match=r"imagery\.aerial\.path: .*above\.tif shows nothing of the block"):
         read(imagery=IMAGERY % "")
     (folder / "above.tif").write_bytes(b"II*\0 and no more")
     with pytest.raises(BlockFileError, match=r"above\.tif cannot be read as an orthophoto \(.*give a GeoTIFF"):

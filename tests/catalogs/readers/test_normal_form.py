@@ -7,11 +7,13 @@ import unicodedata
 from pathlib import Path
 
 import pytest
+from PIL import Image
 from shapely import box, to_geojson
 
 from catalogs.block.corrections import read_corrections
 from catalogs.block.declared_keys import PathKind
 from catalogs.block.paths import resolve_path
+from catalogs.features import BuildingModels
 from catalogs.readers.formats import read_buildings, read_centrelines
 from catalogs.readers.pictures.panoramas import read_panoramas
 from catalogs.readers.referenced_files import find_referenced_file
@@ -69,3 +71,25 @@ def test_poses_belong_to_pictures_of_the_other_form(tmp_path: Path) -> None:
     picture(folder / f"{DECOMPOSED}.jpg")
     (tmp_path / "poses.csv").write_text(f"file,lon,lat,heading\n{NAME}.jpg,{LON},{LAT},10\n")
     assert [one.id for one in read_panoramas(folder, tmp_path / "poses.csv", UTM).items] == [NAME]
+
+
+def test_materials_of_the_other_form_have_their_picture(tmp_path: Path) -> None:
+    Image.new("RGB", (8, 8), (9, 99, 200)).save(tmp_path / f"{NAME}.png")
+    (tmp_path / "a.mtl").write_text(f"newmtl {DECOMPOSED}\nmap_Kd {DECOMPOSED}.png\n")
+    corners = ["0 0 0", "9 0 0", "9 9 0", "0 9 0", "0 0 9", "9 0 9", "9 9 9", "0 9 9"]
+    faces = ["1 2 6 5", "2 3 7 6", "3 4 8 7", "4 1 5 8", "5 6 7 8"]
+    lines = [
+        "mtllib a.mtl",
+        f"o {DECOMPOSED}",
+        f"usemtl {NAME}",
+        *(f"v {one}" for one in corners),
+        "vt 0 0",
+        "vt 1 0",
+        "vt 1 1",
+    ]
+    lines += [f"f {' '.join(f'{corner}/{1 + n % 3}' for n, corner in enumerate(face.split()))}" for face in faces]
+    (tmp_path / "a.obj").write_text("\n".join(lines))
+    found = read_buildings(tmp_path / "a.obj")
+    assert isinstance(found, BuildingModels)
+    assert [one.id for one in found.items] == [NAME]
+    assert [path.name for path in found.textures] == [f"{NAME}.png"]

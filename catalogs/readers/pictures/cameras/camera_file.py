@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from pathlib import PurePosixPath, PureWindowsPath
 
 import numpy as np
 
@@ -77,11 +76,6 @@ def build_camera(
 def entry_reason(file: str, picture: str, error: Exception) -> str:
     """Return the reason why the entry of a picture cannot be used."""
     return f"{file}: {to_single_line(picture[:80])}: {short_message(error)}; mend that entry"
-
-
-def picture_name(text: str) -> str:
-    """Return the name of a picture without the folders of the machine on which the file was written."""
-    return PureWindowsPath(PurePosixPath(text).name).name
 
 
 def check_lens(lens: Lens) -> Lens:

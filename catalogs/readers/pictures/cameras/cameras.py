@@ -5,21 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
-from itertools import takewhile
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 from pyproj import CRS, Transformer
 
 from catalogs.crs import EARTH_RADIUS_M, LONLAT, has_east_north_axes, parse_crs
 from catalogs.features import Fault, Remark
-from catalogs.printable_text import normal_form
-from catalogs.reader_errors import to_single_line, wrap_reader_errors
+from catalogs.reader_errors import wrap_reader_errors
 from catalogs.readers.json_text import parse_json
 from catalogs.readers.pictures.camera_angles import camera_angles
-from catalogs.readers.pictures.cameras.camera_file import CameraFile, SourceCamera, picture_name
+from catalogs.readers.pictures.cameras.camera_file import CameraFile, SourceCamera
 from catalogs.readers.pictures.cameras.camera_tables import read_camera_table
 from catalogs.readers.pictures.cameras.colmap import read_colmap
 from catalogs.readers.pictures.cameras.control_points import read_control_points
@@ -39,7 +36,7 @@ from catalogs.readers.pictures.panoramas import (
     outdated_remarks,
     panorama_fault,
 )
-from catalogs.readers.pictures.picture_kinds import is_picture_name
+from catalogs.readers.pictures.picture_matches import find_unmatched_names, picture_id, select_entries
 from catalogs.readers.pictures.source_poses import degrees_from_dms
 from catalogs.readers.settings import CAMERAS
 from facade_core.core.arrays import Float64Array
@@ -48,7 +45,6 @@ from facade_core.core.json_types import JsonObject, JsonValue
 from facade_core.core.regular_files import read_regular
 from facade_core.core.types import Pose
 
-T = TypeVar("T")
 _ORIENTATION_TAG = 0x0112
 _NO_CAMERA = "has no camera in"
 _FORMATS = (
@@ -100,10 +96,14 @@ def read_cameras(
     paths, unreadable = list_images(folder, "panorama", with_subfolders=True)
     file = _read_camera_file(poses, _check_crs(crs))
     faults = list(unreadable)
-    matched, unmatched = _match(file, paths, faults)
+    selected = select_entries(file.cameras, file.name, folder, paths)
     cameras: dict[Path, SourceCamera] = {}
     headers: dict[Path, _Header] = {}
-    for path, camera in matched.items():
+    for path in paths:
+        camera = selected.get(path, f"{_NO_CAMERA} {file.name}; add its pose there, or remove it")
+        if isinstance(camera, str):
+            faults.append(Fault(path.relative_to(folder).as_posix(), "panorama", camera))
+            continue
         try:
             headers[path] = _read_header(path)
             cameras[path] = _fit_to_picture(camera, headers[path])
@@ -113,6 +113,7 @@ def read_cameras(
         reasons = sorted((fault.reason for fault in faults), key=lambda reason: reason.startswith(_NO_CAMERA))
         reason = next(iter(reasons), "its pictures cannot be used")
         raise InputError(f"{folder} holds no picture with a camera in {file.name}: {reason}")
+    unmatched = find_unmatched_names(file.cameras, paths)
     remarks = [
         *file.remarks,
         *(Remark(name, f"cameras of {file.name} without a picture in {folder.name}", None) for name in unmatched),
@@ -123,7 +124,7 @@ def read_cameras(
         remarks.append(Remark(file.name, note, None))
     posed = {path: _block_pose(camera, to_block, headers[path].size) for path, camera in cameras.items()}
     _check_upright(file.name, np.array([rotation for _, rotation in posed.values()]))
-    names = {path: normal_form("-".join(path.relative_to(folder).with_suffix("").parts)) for path in posed}
+    names = {path: picture_id(path, folder) for path in posed}
     items = []
     for path, (pose, _) in posed.items():
         if is_distant(pose, bounds):
@@ -165,59 +166,6 @@ def _reconstruction_parts(value: JsonValue) -> list[JsonObject]:
     if len(parts) < len(listed):
         raise ValueError("its JSON is no reconstruction")
     return parts
-
-
-def _match(file: CameraFile, paths: Sequence[Path], faults: list[Fault]) -> tuple[dict[Path, SourceCamera], list[str]]:
-    """Match pictures to cameras by the end of their paths, with or without suffix; returns also cameras without one."""
-    by_stem: dict[str, list[str]] = {}
-    for name in file.cameras:
-        by_stem.setdefault(_path_parts(name)[-1], []).append(name)
-    names = {path: by_stem.get(_path_parts(str(path))[-1], []) for path in paths}
-    owners: dict[str, list[Path]] = {}
-    for path, found in names.items():
-        for name in found:
-            owners.setdefault(name, []).append(path)
-    closest = {name: _most_alike(owners[name], partial(_likeness, name=name)) for name in owners}
-    matched: dict[Path, SourceCamera] = {}
-    for path, found in names.items():
-        own = [name for name in _most_alike(found, partial(_likeness, path)) if path in closest[name]]
-        twin = next((other for name in own for other in closest[name] if other != path), None)
-        camera: SourceCamera | str = _choose_camera(file, own)
-        if twin is not None:
-            camera = f"{path.name} and {twin.name} have one name; rename or remove one"
-        if isinstance(camera, str):
-            faults.append(Fault(path.name, "panorama", camera))
-        else:
-            matched[path] = camera
-    return matched, [to_single_line(name[:80]) for name in file.cameras if name not in owners]
-
-
-def _most_alike(candidates: Sequence[T], likeness: Callable[[T], tuple[int, bool]]) -> list[T]:
-    best = max(map(likeness, candidates), default=None)
-    return [one for one in candidates if likeness(one) == best]
-
-
-def _likeness(path: Path, name: str) -> tuple[int, bool]:
-    """Return how many folders and names at the end a picture and a camera share, and whether their suffixes are equal."""
-    pairs = zip(_path_parts(str(path))[::-1], _path_parts(name)[::-1], strict=False)
-    shared = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
-    return shared, picture_name(normal_form(name)) == normal_form(path.name)
-
-
-def _path_parts(text: str) -> tuple[str, ...]:
-    """Return folders and name of a path of any machine, the name without suffix of a picture."""
-    *folders, name = normal_form(text).replace("\\", "/").split("/")
-    return (*folders, Path(name).stem if is_picture_name(name) else name)
-
-
-def _choose_camera(file: CameraFile, names: Sequence[str]) -> SourceCamera | str:
-    """Return the camera of a picture that a file lists under some names, or why it has none."""
-    if not names:
-        return f"{_NO_CAMERA} {file.name}; add its pose there, or remove it"
-    if len(names) > 1:
-        both = " and ".join(to_single_line(name[:60]) for name in names[:2])
-        return f"{both} in {file.name} may both be it; give the pictures names of their own"
-    return file.cameras[names[0]]
 
 
 def _read_header(path: Path) -> _Header:

@@ -51,7 +51,9 @@ def read_colmap(path: Path) -> CameraFile:
     files = [folder / f"{part}{suffix}" for part in ("cameras", "images")]
     for file in files:
         if not file.is_file():
-            raise InputError(f"{file} is missing; a COLMAP model has cameras{suffix} and images{suffix} in one folder")
+            models = sorted(one.parent for one in folder.glob("*/images.*"))
+            remedy = f"did you mean {models[0]}?" if models else f"a COLMAP model has it beside {files[0].name}"
+            raise InputError(f"{file} is missing; {remedy}")
     with (
         wrap_reader_errors(files[0], "is not COLMAP's", "export the model again"),
         open_regular(files[0], CAMERAS.max_cameras_bytes) as stream,

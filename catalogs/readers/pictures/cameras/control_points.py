@@ -11,7 +11,8 @@ from pyproj import CRS, Transformer
 from catalogs.crs import LONLAT
 from catalogs.printable_text import short_repr
 from catalogs.reader_errors import short_message
-from catalogs.readers.pictures.cameras.camera_file import SourceCamera, check_position, picture_name
+from catalogs.readers.pictures.cameras.camera_file import SourceCamera, check_position
+from catalogs.readers.pictures.picture_matches import find_names
 from catalogs.readers.pictures.pose_fields import read_field
 from catalogs.readers.pictures.pose_records import csv_records
 from facade_core.core.arrays import Float64Array
@@ -39,28 +40,29 @@ def read_control_points(
     InputError
         For the first row that cannot be used.
     """
-    by_name = {picture_name(name): camera for name, camera in cameras.items() if isinstance(camera, SourceCamera)}
-    by_name |= {Path(name).stem: camera for name, camera in by_name.items()}
     names, source, target = [], [], []
     try:
         for name, record in csv_records(read_regular(path).decode("utf-8-sig")):
             if isinstance(record, Exception):
                 raise record
             names.append(name)
-            source.append(_model_place(name, record, by_name))
+            source.append(_model_place(name, record, cameras))
             target.append(_map_place(name, record, frame, crs))
     except (ValueError, TypeError, UnicodeError) as error:
         raise InputError(f"{path}: {short_message(error)}; {_HINT}") from error
     return names, np.array(source).reshape(-1, 3), np.array(target).reshape(-1, 3)
 
 
-def _model_place(name: str, record: JsonObject, cameras: Mapping[str, SourceCamera]) -> Float64Array:
+def _model_place(name: str, record: JsonObject, cameras: Mapping[str, SourceCamera | str]) -> Float64Array:
     stated = [record.get(f"model_{axis}") or None for axis in "xyz"]
     if None not in stated:
         return check_position([_number(name, value) for value in stated])
-    if name not in cameras:
+    found = [camera for one in find_names(name, cameras) if isinstance(camera := cameras[one], SourceCamera)]
+    if len(found) > 1:
+        raise ValueError(f"{name[:60]} is the name of {len(found)} pictures with cameras: name their folders too")
+    if not found:
         raise ValueError(f"{name[:60]} has no model_x, model_y, model_z, and is no picture with a camera")
-    return cameras[name].centre
+    return found[0].centre
 
 
 def _map_place(name: str, record: JsonObject, frame: CRS, crs: str | None) -> Float64Array:

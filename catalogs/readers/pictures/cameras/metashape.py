@@ -30,7 +30,11 @@ if TYPE_CHECKING:
 
 _PANORAMA_REASON = "spherical cameras of {file} left out; give their poses under imagery.panoramas"
 _DISABLED_REASON = "cameras of {file} that are disabled in Metashape left out"
-_ONE_SENSOR_LABEL_REASON = "is of a rig whose sensors share a label; give them different labels in Metashape"
+_ONE_LABEL_REASON = "is of several cameras of one label; give them, or their sensors, different labels in Metashape"
+_UNPLACED_REASON = (
+    "cameras of {file} taken where the first camera of their system is, as their sensor states no location; adjust the "
+    "offsets of the sensors in Metashape, where they are apart"
+)
 _UNALIGNED_REASON = "cameras of {file} without a transform left out: Metashape did not align them"
 # Matrix (4, 4) to the world and that world's conversion, by component.
 _Frames: TypeAlias = Mapping[str | None, tuple[Float64Array, ToLonLat | None]]
@@ -73,7 +77,6 @@ def read_metashape(name: str, text: bytes) -> CameraFile:
 def _chunk_cameras(name: str, chunk: Element, frames: _Frames, remarks: list[Remark]) -> dict[str, SourceCamera | str]:
     """Return the cameras of a chunk with the frames of its components."""
     sensors = {one.get("id"): one for one in chunk.iter("sensor")}
-    sensor_labels = Counter(one.get("label") for one in sensors.values())
     lenses = {id: _sensor_lens(one) for id, one in sensors.items()}
     cameras = {one.get("id"): one for one in chunk.iter("camera")}
     repeated = Counter(one.get("label") for one in cameras.values())
@@ -84,12 +87,12 @@ def _chunk_cameras(name: str, chunk: Element, frames: _Frames, remarks: list[Rem
             continue
         sensor = sensors.get(one.get("sensor_id"))
         if repeated[label] > 1 and sensor is not None:  # pictures of a rig, in a folder for each sensor
-            if sensor_labels[sensor.get("label")] > 1:
-                found[label] = _ONE_SENSOR_LABEL_REASON
-                continue
             label = f"{sensor.get('label')}/{label}"
+        if label in found:
+            found[label] = _ONE_LABEL_REASON
+            continue
         lens = lenses.get(one.get("sensor_id"), "its sensor is not listed")
-        leader = cameras.get(one.get("master_id"), one)
+        leader = one if one.find("transform") is not None else cameras.get(one.get("master_id"), one)
         if leader.find("transform") is None:
             reason = _UNALIGNED_REASON
         elif one.get("enabled") in ("false", "0"):
@@ -98,7 +101,9 @@ def _chunk_cameras(name: str, chunk: Element, frames: _Frames, remarks: list[Rem
             reason = _PANORAMA_REASON
         else:
             found[label] = build_camera(name, label, lens, partial(_pose, one, leader, sensor, frames))
-            continue
+            if leader is one or (sensor is not None and sensor.find("location") is not None):
+                continue
+            reason = _UNPLACED_REASON
         remarks.append(Remark(to_single_line(label[:80]), reason.format(file=name), None))
     return found
 

@@ -237,6 +237,19 @@ def test_parts_and_installations_join_their_building(read: Callable[..., Buildin
     assert areas(low) == pytest.approx({"unknown": 376.0}), "the whole building has LoD 1.2"
 
 
+@pytest.mark.parametrize(("own", "parts"), [((0, 18), (0, 18)), ((0,), (18,)), ((0,), (0,))])
+def test_a_solid_around_its_parts_is_not_added_to_them(
+    read: Callable[..., BuildingModels], own: tuple[int, ...], parts: tuple[int, ...]
+) -> None:
+    """Each of two boxes is there once, whether the building, its parts or both have it."""
+    beside = [[x + 10, y, z] for x, y, z in CORNERS]
+    body = [surface for first in own for surface in box("1", first)["boundaries"]]
+    children = {f"p{first}": house(box("1", first), kind="BuildingPart", parents=["b"]) for first in parts}
+    whole = {"type": "Building", "geometry": [{**box("1"), "boundaries": body}], "children": list(children)}
+    [model] = read(city({"b": whole, **children}, corners=CORNERS + beside)).items
+    assert sum(areas(model).values()) == pytest.approx(376.0 * len({*own, *parts}))
+
+
 def test_a_building_of_its_elements_only(read: Callable[..., BuildingModels]) -> None:
     objects = {"b": house(), "e": house(solid(), kind="BuildingConstructiveElement", parents=["b"])}
     assert volume(only(read(city(objects)))) == pytest.approx(VOLUME)

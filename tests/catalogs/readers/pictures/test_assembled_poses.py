@@ -10,6 +10,8 @@ import pytest
 
 from catalogs.features import Remark
 from catalogs.readers.pictures.panoramas import read_panoramas
+from catalogs.readers.pictures.poses import read_poses_file
+from catalogs.readers.pictures.source_poses import SourcePose
 from facade_core.core.errors import InputError
 from facade_core.core.types import Pose
 from tests.catalogs.readers.pictures.test_panoramas import CONVERGENCE, EAST, LAT, LON, NORTH, UTM, XMP, gps, picture
@@ -53,6 +55,23 @@ CASES = {
     "table without tilt": Case(10, 12, -3, gps(), TILT, "", f"file,lon,lat,heading\np.jpg,{LON},{LAT},10\n"),
     "table of angles": Case(10, 2, 0, gps(), "", "", "file,heading,pitch\np.jpg,10,2\n"),
     "table without heading": Case(30, 0, 0, gps(), "", "", f"file,x,y\np.jpg,{EAST},{NORTH}\n"),
+    "table of rolls": Case(30, 0, 1, gps(), "", "", "file,roll\np.jpg,1\n"),
+    "table of a database": Case(
+        30, 12, -3, gps(), TILT, "", f"file,lon,lat,heading,pitch,roll\np.jpg,{LON},{LAT},NULL,nan,\n"
+    ),
+    "table of ExifTool with groups": Case(
+        75,
+        12,
+        0,
+        {},
+        "",
+        "",
+        "SourceFile,EXIF:GPSLatitude,EXIF:GPSLatitudeRef,EXIF:GPSLongitude,XMP:PoseHeadingDegrees,XMP-GPano:PosePitchDegrees\n"
+        f"./p.jpg,{LAT},North,{LON},75,12\n",
+    ),
+    "fractions and decimal commas": Case(
+        30, 12.5, -3, gps(), 'GPano:PosePitchDegrees="12,5" GPano:PoseRollDegrees="-6/2"'
+    ),
     "table with an empty heading": Case(
         30, 1, 0, gps(), "", "", f"file,lon,lat,heading,pitch\np.jpg,{LON},{LAT},,1\nq.jpg,{LON},{LAT},3,4\n"
     ),
@@ -60,7 +79,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("case", CASES.values(), ids=list(CASES))
-@pytest.mark.parametrize("name", ["p.jpg.xmp", "p.xmp"])
+@pytest.mark.parametrize("name", ["p.jpg.xmp", "p.xmp", "P.XMP"])
 def test_each_field_is_of_the_best_source_that_states_it(tmp_path: Path, case: Case, name: str) -> None:
     picture(tmp_path / "p.jpg", gps=case.exif, xmp=XMP.format(attributes=case.xmp, elements=""))
     if case.sidecar:
@@ -92,7 +111,51 @@ def test_magnetic_reference_counts_only_with_its_heading(tmp_path: Path) -> None
     assert not read_pose(tmp_path)[1]
 
 
+@pytest.mark.parametrize(
+    ("table", "xmp", "source"),
+    [
+        ("pitch\np.jpg,89\n", "", "poses.csv"),
+        ("roll\np.jpg,-179\n", "", "poses.csv"),
+        (None, 'GPano:PosePitchDegrees="-90"', "XMP"),
+        (None, TILT, None),
+    ],
+)
+def test_large_tilts_are_noted_by_their_source(tmp_path: Path, table: str | None, xmp: str, source: str | None) -> None:
+    picture(tmp_path / "p.jpg", gps=gps(), xmp=XMP.format(attributes=xmp, elements=""))
+    _, remarks = read_pose(tmp_path, None if table is None else f"file,{table}")
+    tilts = [remark.reason for remark in remarks if "by over 45 degrees" in remark.reason]
+    assert [f"panoramas that {source} tilts" in tilt for tilt in tilts] == ([True] if source else [])
+
+
+def test_angles_that_are_no_numbers_are_noted(tmp_path: Path) -> None:
+    picture(tmp_path / "p.jpg", gps=gps(), xmp=XMP.format(attributes='GPano:PosePitchDegrees="up"', elements=""))
+    pose, [remark] = read_pose(tmp_path)
+    assert (pose.pitch, remark.reason) == (0, "panoramas whose GPano PosePitchDegrees is no number: read without")
+
+
+def test_southern_latitudes_of_exiftool_have_their_hemisphere(tmp_path: Path) -> None:
+    (tmp_path / "poses.csv").write_text(
+        "SourceFile,GPS:GPSLatitude,GPS:GPSLatitudeRef,GPS:GPSLongitude,heading\np.jpg,33.5,S,18.2,9\n"
+    )
+    stated = read_poses_file(tmp_path / "poses.csv").poses["p.jpg"]
+    assert isinstance(stated, SourcePose)
+    assert (stated.x, stated.y) == (18.2, -33.5)
+
+
 def test_pose_that_no_source_places_is_named(tmp_path: Path) -> None:
     picture(tmp_path / "p.jpg", xmp=XMP.format(attributes=HEADING, elements=""))
     with pytest.raises(InputError, match=r"poses.csv states no place; add its place there"):
         read_pose(tmp_path, "file,heading,pitch\np.jpg,10,2\n")
+
+
+def test_panoramas_in_folders_have_the_poses_of_their_paths(tmp_path: Path) -> None:
+    for number, name in enumerate(("2023/p.jpg", "2024/p.jpg")):
+        (tmp_path / name).parent.mkdir()
+        picture(tmp_path / name, size=(64 + 2 * number, 32 + number))
+    (tmp_path / "poses.csv").write_text(
+        f"file,lon,lat,heading\n2024/p.jpg,{LON},{LAT},30\n2023\\p.jpg,{LON},{LAT},20\n"
+    )
+    found = read_panoramas(tmp_path, tmp_path / "poses.csv", UTM)
+    assert not found.faults
+    headings = {one.id: one.pose.heading + CONVERGENCE for one in found.items}
+    assert headings == {"2023-p": pytest.approx(20, abs=0.01), "2024-p": pytest.approx(30, abs=0.01)}

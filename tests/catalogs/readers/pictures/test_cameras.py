@@ -186,6 +186,25 @@ def test_metashape_places_the_cameras_of_a_rig(tmp_path: Path, pictures: Path, l
     assert one.rotation @ other.rotation.T == pytest.approx(turned.reshape(3, 3), abs=1e-9)
 
 
+def test_labels_of_several_cameras_are_named(tmp_path: Path) -> None:
+    """Pictures of two stations in one sensor, or of two sensors of one label."""
+    path = write_metashape(tmp_path / "cameras.xml", {"0.jpg": POSES["0.jpg"], "1.jpg": POSES["1.jpg"]})
+    path.write_text(path.read_text().replace('label="1"', 'label="0"'))
+    [(_, reason)] = read_metashape(path.name, path.read_bytes()).cameras.items()
+    assert "is of several cameras of one label; give them, or their sensors, different labels" in str(reason)
+
+
+@pytest.mark.parametrize("is_stated", [True, False])
+def test_sensors_without_a_location_are_noted(tmp_path: Path, *, is_stated: bool) -> None:
+    path = write_metashape(tmp_path / "cameras.xml", {"0.jpg": POSES["0.jpg"]})
+    slave = '<camera id="1" sensor_id="0" master_id="0" label="s"/></cameras>'
+    place = "<location>0 0 0</location></sensor>" if is_stated else "</sensor>"
+    path.write_text(path.read_text().replace("</cameras>", slave).replace("</sensor>", place))
+    found = read_metashape(path.name, path.read_bytes())
+    assert list(found.cameras) == ["0", "s"]
+    assert [one.id for one in found.remarks if "states no location" in one.reason] == ([] if is_stated else ["s"])
+
+
 def test_components_of_metashape_2(tmp_path: Path, pictures: Path) -> None:
     path = write_metashape(tmp_path / "cameras.xml", POSES, in_component=True)
     check(read(pictures, path))
@@ -452,6 +471,27 @@ def test_a_rig_has_a_camera_for_each_picture_of_a_name(tmp_path: Path) -> None:
         f"{side}-{Path(name).stem}": pytest.approx((POSES[f"{number}.jpg"].x, POSES[f"{number}.jpg"].y))
         for number, (side, name) in enumerate(RIG)
     }
+
+
+def test_the_folder_above_a_model_is_named_with_the_model(tmp_path: Path, pictures: Path) -> None:
+    (tmp_path / "sparse").mkdir()
+    write_colmap(tmp_path / "sparse/0", POSES, SAME)
+    with pytest.raises(InputError, match=r"sparse/cameras.bin is missing; did you mean .*sparse/0\?"):
+        read(pictures, tmp_path / "sparse")
+
+
+def test_a_table_of_a_rig_names_folders(tmp_path: Path) -> None:
+    folder = tmp_path / "images"
+    rows = ["file,x,y,z,heading,pitch,focal_px"]
+    for number, (side, name) in enumerate(RIG):
+        (folder / side).mkdir(parents=True, exist_ok=True)
+        write_pictures(folder / side, [name])
+        pose = POSES[f"{number}.jpg"]
+        rows.append(f"{side}/{name},{pose.x},{pose.y},{pose.z},{pose.heading},3,140")
+    (tmp_path / "cameras.csv").write_text("\n".join(rows))
+    found = read(folder, tmp_path / "cameras.csv")
+    assert not found.faults
+    assert [one.pose.x for one in found.items] == pytest.approx([POSES[f"{n}.jpg"].x for n in range(4)])
 
 
 def test_a_folder_of_a_rig_has_its_own_cameras(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from pyproj import CRS
 
-from catalogs.readers.pictures.aerial import note_assumed_bands, open_orthophoto
+from catalogs.readers.pictures.aerial import note_assumed_colours, open_orthophoto
 from catalogs.readers.pictures.decoding import read_picture
 from facade_core.core.errors import ImageError, InputError
 
@@ -56,10 +56,11 @@ CASES: dict[str, tuple[list[str], list[str] | None, dict[str, Any]]] = {
 def test_orthophotos_and_pictures_have_their_colours(tmp_path: Path, case: Any) -> None:
     names, interpretation, options = case
     path = write(tmp_path / "a.tif", names, interpretation, **options)
-    colour, known = open_orthophoto(path, None, FRAME, PLACE).sample(PLACE, 0.5)
+    photo = open_orthophoto(path, None, FRAME, PLACE)
+    colour, known = photo.sample(PLACE, 0.5)
     assert known.all()
     assert colour.tolist() == [[180, 60, 50]] * 2
-    assert not note_assumed_bands(path)
+    assert not note_assumed_colours(photo)
     try:
         picture = read_picture(path)
     except ImageError:  # a variant of TIFF that Pillow does not open
@@ -85,7 +86,7 @@ def test_colour_infrared_by_interpretation_is_refused(tmp_path: Path) -> None:
 
 def test_unstated_bands_are_noted(tmp_path: Path) -> None:
     path = write(tmp_path / "a.tif", ["red", "green", "blue", "nir"], None, photometric="MINISBLACK")
-    [note] = note_assumed_bands(path)
+    [note] = note_assumed_colours(open_orthophoto(path, None, FRAME, PLACE))
     assert note.startswith("bands 1, 2 and 3 of a.tif taken for red, green and blue")
 
 
@@ -116,3 +117,77 @@ def test_scaled_values_of_16_bits_are_colours(tmp_path: Path) -> None:
     picture = read_picture(path)
     assert picture.hidden[:, :20].all()
     assert picture.rgb[0, 30].tolist() == [180, 60, 50]
+
+
+DEEP: dict[str, tuple[str, float, dict[str, Any], str | None]] = {
+    "16 bits": ("uint16", 257, {}, None),
+    "12 bits stated": ("uint16", 4095 / 255, {"nbits": 12}, None),
+    "12 bits": ("uint16", 4095 / 255, {}, "taken as 4095"),
+    "bytes in 16 bits": ("uint16", 1, {}, None),
+    "reflectances": ("uint16", 10_000 / 255, {"scales": 1e-4}, None),
+    "fractions": ("float32", 1 / 255, {}, None),
+}
+
+
+@pytest.mark.parametrize("case", DEEP.values(), ids=list(DEEP))
+@pytest.mark.parametrize("names", [["red", "green", "blue"], ["blue", "green", "red", "nir"]])
+def test_orthophotos_of_more_bits_have_their_colours(tmp_path: Path, case: Any, names: list[str]) -> None:
+    kind, factor, options, words = case
+    scale = options.get("scales")
+    stated = {key: value for key, value in options.items() if key != "scales"}
+    path = write(tmp_path / "a.tif", names, None, dtype=kind, descriptions=names, **stated)
+    with rasterio.open(path, "r+") as raster:
+        values = np.array([VALUES[name] * factor for name in names])[:, None, None]
+        raster.write(np.broadcast_to(values, (len(names), 40, 40)).astype(kind))
+        if scale:
+            raster.scales = [scale] * len(names)
+    photo = open_orthophoto(path, None, FRAME, PLACE)
+    colour, known = photo.sample(PLACE, 0.5)
+    assert known.all()
+    assert np.abs(colour.astype(int) - (180, 60, 50)).max() <= 1
+    notes = note_assumed_colours(photo)
+    assert [words in note for note in notes] == [True] if words else not notes
+
+
+def test_values_that_are_no_colours_are_refused(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.tif", ["red", "green", "blue"], None, dtype="float32")
+    with rasterio.open(path, "r+") as raster:
+        raster.write(raster.read() * 1000)
+    with pytest.raises(InputError, match=r"a\.tif has values from 50000 to 180000"):
+        open_orthophoto(path, None, FRAME, PLACE)
+
+
+def test_infrared_stated_as_opacity_hides_nothing(tmp_path: Path) -> None:
+    names = ["red", "green", "blue", "nir"]
+    path = write(tmp_path / "a.tif", names, ["red", "green", "blue", "alpha"])
+    with rasterio.open(path, "r+") as raster:
+        raster.write(np.tile(np.arange(40, dtype=np.uint8) + 5, (40, 1)), 4)
+    photo = open_orthophoto(path, None, FRAME, PLACE)
+    assert photo.sample(PLACE, 0.5)[1].all()
+    [note] = note_assumed_colours(photo)
+    assert note.startswith("band 4 of a.tif is stated as opacity but has values between")
+
+
+def test_mosaics_have_the_bands_that_they_state(tmp_path: Path) -> None:
+    (tmp_path / "tiles").mkdir()
+    write(tmp_path / "tiles/a.tif", ["blue", "green", "red"])
+    bands = "".join(
+        f'<VRTRasterBand dataType="Byte" band="{n}"><ColorInterp>{name}</ColorInterp><SimpleSource><SourceFilename '
+        f'relativeToVRT="1">tiles/a.tif</SourceFilename><SourceBand>{n}</SourceBand></SimpleSource></VRTRasterBand>'
+        for n, name in enumerate(["Blue", "Green", "Red"], 1)
+    )
+    path = tmp_path / "a.vrt"
+    path.write_text(
+        f'<VRTDataset rasterXSize="40" rasterYSize="40"><SRS>EPSG:3879</SRS>'
+        f"<GeoTransform>{EAST},1,0,{NORTH},0,-1</GeoTransform>{bands}</VRTDataset>"
+    )
+    photo = open_orthophoto(path, None, FRAME, PLACE)
+    assert photo.sample(PLACE, 0.5)[0].tolist() == [[180, 60, 50]] * 2
+    before = photo.content
+    write(tmp_path / "tiles/a.tif", ["green", "green", "red"])
+    assert open_orthophoto(path, None, FRAME, PLACE).content != before
+
+
+def test_white_is_zero_where_it_is_stated(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.tif", ["undefined"], None, photometric="MINISWHITE")
+    assert open_orthophoto(path, None, FRAME, PLACE).sample(PLACE, 0.5)[0].tolist() == [[156, 156, 156]] * 2

@@ -167,10 +167,10 @@ def test_photo_mixed(data: Path) -> None:
 
 
 def test_files_of_systems_and_servers_are_passed_over(tmp_path: Path) -> None:
-    for folder in ("@eaDir", "__MACOSX", "#recycle", ".AppleDouble"):
+    for folder in ("@eaDir", "__MACOSX", "#recycle", ".AppleDouble", "lost+found"):
         (tmp_path / folder).mkdir()
         save(tmp_path / folder / "a.jpg")
-    for name in ("Thumbs.db", "desktop.ini", ".DS_Store", "._a.jpg"):
+    for name in ("Thumbs.db", "desktop.ini", ".DS_Store", "._a.jpg", "Icon\r", "~$a.jpg"):
         (tmp_path / name).write_bytes(b"\0\5\x16\7")
     path = save(tmp_path / "a.jpg")
     assert list_images(tmp_path, "panorama") == ((path,), ())

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from catalogs.features import feature_ids_by_reason, format_reason_notes
+from catalogs.readers.pictures.picture_matches import select_entries
 from catalogs.readers.pictures.pose_fields import parse_capture_day
 from catalogs.readers.pictures.poses import PosesFile, read_poses_file
 from catalogs.readers.pictures.source_poses import SourcePose
@@ -25,7 +26,8 @@ def read(folder: Path, text: str, suffix: str = ".csv") -> PosesFile:
 
 
 def pose(found: PosesFile, name: str = "p.jpg") -> SourcePose:
-    one = found.poses[name]
+    picture = Path("pictures") / name
+    one = select_entries(found.poses, "poses", picture.parent, [picture])[picture]
     assert isinstance(one, SourcePose), one
     return one
 
@@ -217,21 +219,3 @@ def test_names_and_numbers_of_other_programs(tmp_path: Path) -> None:
     (tmp_path / "poses.csv").write_bytes("file,x,y,heading,Straße\n".encode("cp1252"))
     with pytest.raises(InputError, match="save it again as UTF-8"):
         read_poses_file(tmp_path / "poses.csv")
-
-
-@pytest.mark.parametrize(
-    ("columns", "rows", "angles", "noted"),
-    [
-        ("heading,pitch,roll", ["9,89,0", "8,91,0"], (89.0, 0.0), "pitch is 0 at the horizon"),
-        ("heading,pitch,roll", ["9,0,180", "8,0,-179"], (0.0, 180.0), "roll 0 upright"),
-        ("heading,pitch,roll", ["9,12,3", "8,1,0"], (12.0, 3.0), None),
-    ],
-)
-def test_large_tilts_are_noted(
-    columns: str, rows: list[str], angles: tuple[float, float], noted: str | None, tmp_path: Path
-) -> None:
-    lines = [f"{name},1,2,{row}" for name, row in zip(("p.jpg", "q.jpg"), rows, strict=True)]
-    found = read(tmp_path, "\n".join([f"file,x,y,{columns}", *lines]))
-    assert (pose(found).pitch, pose(found).roll) == angles
-    assert bool(found.remarks) == (noted is not None)
-    assert all(str(noted) in remark.reason for remark in found.remarks)

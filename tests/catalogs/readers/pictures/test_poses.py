@@ -214,8 +214,9 @@ YAW = SourcePose(LONLAT, 24.93, 60.16, None, 88.0, 1.0, 2.0)
 )  # fmt: skip
 def test_names_of_other_programs(content: str, expected: SourcePose, tmp_path: Path) -> None:
     (tmp_path / "poses.csv").write_text(content)
-    found = read_poses_file(tmp_path / "poses.csv").poses
-    assert found == {"p.jpg": expected}
+    [(name, pose)] = read_poses_file(tmp_path / "poses.csv").poses.items()
+    assert name.endswith("p.jpg")
+    assert pose == expected
 
 
 def test_a_heading_that_is_no_number_is_named(tmp_path: Path) -> None:

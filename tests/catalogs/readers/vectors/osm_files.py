@@ -30,9 +30,11 @@ class OsmFile:
         self.nodes |= {10 * way + i: lonlat(*corner) for i, corner in enumerate(corners)}
         self.ways[way] = ([*range(10 * way, 10 * way + 4), 10 * way], tags)
 
-    def write(self, path: Path, packing: Packing = "zlib", optional: Sequence[str] = ()) -> Path:
+    def write(
+        self, path: Path, packing: Packing = "zlib", optional: Sequence[str] = (), required: Sequence[str] = ()
+    ) -> Path:
         """Write the file."""
-        header = b"".join(_text(4, name) for name in ("OsmSchema-V0.6", "DenseNodes"))
+        header = b"".join(_text(4, name) for name in ("OsmSchema-V0.6", "DenseNodes", *required))
         header += b"".join(_text(5, name) for name in optional)
         path.write_bytes(_blob("OSMHeader", header, "zlib") + _blob("OSMData", self._block(), packing))
         return path

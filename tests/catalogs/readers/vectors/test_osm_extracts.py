@@ -116,3 +116,9 @@ def test_locations_on_ways_are_refused_with_their_option(tmp_path: Path) -> None
     path = made.write(tmp_path / "city.osm.pbf", optional=["LocationsOnWays"])
     with pytest.raises(InputError, match="add-locations-to-ways --keep-untagged-nodes"):
         osm.read_osm_centrelines(path)
+
+
+def test_histories_are_refused_with_their_remedy(tmp_path: Path) -> None:
+    path = make_extract().write(tmp_path / "city.osh.pbf", required=["HistoricalInformation"])
+    with pytest.raises(InputError, match=r"holds all versions of its features; .* osmium time-filter"):
+        osm.read_osm_footprints(path)

@@ -289,8 +289,15 @@ def test_layers_are_told_apart_by_kind_and_name(tmp_path: Path) -> None:
     frame([LineString([(0, 0), (9, 0)])], id=["road"]).to_file(path, layer="roads_2024")
     found = read_vector_footprints(path)
     assert [f.id for f in found.items] == ["house"]
-    assert [r.reason for r in found.remarks] == ["layers read of files that have several"]
-    assert [piece.id for piece in read_vector_centrelines(path).items] == ["road"]
+    assert [(r.id, r.reason.partition(";")[0]) for r in found.remarks] == [
+        ("Buildings, not water", "layers read of files that have several")
+    ]
+    streets = read_vector_centrelines(path)
+    assert [piece.id for piece in streets.items] == ["road"]
+    assert [remark.id for remark in streets.remarks] == ["roads_2024, not rivers"]
+    assert not read_vector_centrelines(path, SourceKeys(layer="roads_2024")).remarks
+    with pytest.raises(InputError, match=r"no layer rivers of outlines; write as layer one of: water, Buildings"):
+        read_vector_footprints(path, keys=SourceKeys(layer="rivers"))
 
 
 def test_geojson_frames(tmp_path: Path) -> None:
@@ -562,5 +569,7 @@ def test_solids_are_read_before_outlines_and_the_others_are_named(tmp_path: Path
 def test_a_key_chooses_the_layer(tmp_path: Path) -> None:
     path = write_layers(tmp_path / "a.gpkg")
     assert read_vector_footprints(path, keys=SourceKeys(layer="pand")).items[0].shell is None
-    with pytest.raises(InputError, match="has no layer lod13; it has pand, lod12_3d, lod22_3d"):
+    with pytest.raises(
+        InputError, match="has no layer lod13 of outlines; write as layer one of: pand, lod12_3d, lod22_3d"
+    ):
         read_vector_footprints(path, keys=SourceKeys(layer="lod13"))
