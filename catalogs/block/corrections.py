@@ -174,7 +174,9 @@ def read_corrections(block: Path) -> Corrections:
     except FileNotFoundError:
         return NO_CORRECTIONS
     except (OSError, UnicodeError) as error:
-        raise InputError(f"{path} cannot be read ({short_message(error)}); restore it, or move it away") from error
+        raise InputError(
+            f"{path} cannot be read ({short_message(error)}); mend it, or restore it from a copy"
+        ) from error
 
 
 @lru_cache(maxsize=4)

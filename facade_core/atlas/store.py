@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+import uuid
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 BRANCH = "main"
+# Metadata of a commit: a number of its own, by which it is known again.
+TOKEN = "commit"
 
 # Icechunk warns at every opening that local folders are unsafe for concurrent commits; here one process commits, behind
 # a lock.
@@ -122,27 +125,41 @@ def open_repository(path: StoreLocation, *, create: bool = False) -> Repository:
     Raises
     ------
     StoreError
-        There is no repository, or it is damaged.
+        There is no repository.
+    LostStoreError
+        It cannot be opened.
     """
     if not create and not path.is_dir():  # the storage would create one, which a run would take for a lost store
         raise StoreError(f"{path}: there is no store; run the block first")
     if isinstance(path, Path):
         if (path.exists() or path.is_symlink()) and not path.is_dir():  # Icechunk panics
-            raise LostStoreError(f"{path}: is no folder; remove it, and run again")
+            raise LostStoreError(f"{path}: is no folder; mount what it links to, or name another folder with --out")
         storage = icechunk.local_filesystem_storage(str(path))
     else:
         storage = path.icechunk_storage()
     try:
         if create:
-            Repository.open_or_create(storage)
+            _create_if_missing(storage)
         repository = Repository.open(storage, repository_config())
     except icechunk.IcechunkError as error:
-        raise StoreError(
-            f"{path}: no usable store ({str(error).splitlines()[0]}); give the folder of a run, or remove this store and "
-            "run the block again"
+        reason = str(error).splitlines()[0].strip(" x")
+        if "repository doesn't exist" in reason:
+            raise StoreError(f"{path}: holds no store; give the folder of a run") from error
+        raise LostStoreError(
+            f"{path}: cannot be opened ({reason}); see to its disk or network; `streetloom doctor "
+            f"{shlex.quote(str(path.parent))}` says whether it is damaged"
         ) from error
     repository.path = path
     return repository
+
+
+def _create_if_missing(storage: icechunk.Storage) -> None:
+    """Create a repository; one whose creation a bucket answered too late is there."""
+    try:
+        Repository.open_or_create(storage)
+    except icechunk.IcechunkError:
+        if not Repository.exists(storage):
+            raise
 
 
 def open_root(session: icechunk.Session) -> StoreGroup:
@@ -217,17 +234,21 @@ def commit(session: icechunk.Session, message: str) -> str:
     """
     branch = session.branch or BRANCH  # a committed session has none
     repository: Repository = session.repository  # type: ignore[attr-defined]
-    changes = session.status()
+    changes, token = session.status(), uuid.uuid4().hex
     with _commit_lock:
         if (still := _commit_guards.get(repository.path)) is not None:
             still()
         try:
             # moves the branch if its tip is the session's base, else rebases the session onto the tip and retries
-            snapshot = session.commit(message, rebase_with=icechunk.ConflictDetector())
-        except icechunk.RebaseFailedError as error:
-            raise StoreError(
-                f"{message}: another unit wrote the same chunk ({error}); units must not share one"
-            ) from error
+            snapshot = session.commit(message, {TOKEN: token}, rebase_with=icechunk.ConflictDetector())
+        except icechunk.IcechunkError as error:
+            if (made := _find_commit(repository, branch, token)) is None:
+                if isinstance(error, icechunk.RebaseFailedError):
+                    raise StoreError(
+                        f"{message}: another unit wrote the same chunk ({error}); units must not share one"
+                    ) from error
+                raise
+            snapshot = made
         tip = repository.lookup_branch(branch)
         update_cached_journals(repository.path, repository.lookup_snapshot(snapshot).parent_id, snapshot, changes)
     if tip != snapshot:
@@ -236,6 +257,15 @@ def commit(session: icechunk.Session, message: str) -> str:
             "and run again"
         )
     return snapshot
+
+
+def _find_commit(repository: Repository, branch: str, token: str) -> str | None:
+    """Return the tip of a branch if it is the commit with this token: a bucket may lose the answer to a write that it did."""
+    try:
+        tip = repository.lookup_branch(branch)
+        return tip if repository.lookup_snapshot(tip).metadata.get(TOKEN) == token else None
+    except icechunk.IcechunkError:
+        return None
 
 
 @contextmanager

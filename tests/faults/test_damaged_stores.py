@@ -138,7 +138,8 @@ def test_where_nothing_can_be_read_the_way_out_is_said(run: Run) -> None:
         cut(snapshot)
     assert completion_summary(run) is None
     with pytest.raises(
-        LostStoreError, match=r"store: cannot be read \(.*\), nor any earlier snapshot; move .*store away"
+        LostStoreError,
+        match=r"store: cannot be read \(.*\), nor any earlier snapshot; restore a copy of it, or name another",
     ):
         repair_store(run)
 
@@ -202,5 +203,5 @@ def test_a_store_that_is_no_folder_is_one_line(tmp_path: Path, what: str) -> Non
         store.touch()
     else:
         store.symlink_to(tmp_path / "nowhere")
-    with pytest.raises(LostStoreError, match="store: is no folder; remove it"):
+    with pytest.raises(LostStoreError, match="store: is no folder; mount what it links to"):
         open_repository(store, create=True)

@@ -16,10 +16,12 @@ from facade_core.atlas.integrity import (
     find_broken_tags,
     find_unreadable_chunks,
     has_all_files,
+    require_readable_files,
     roll_back_to_readable,
 )
 from facade_core.atlas.journal import clear_record
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root, open_root_of_any_format
+from facade_core.atlas.store_location import StoreLocation
 from facade_core.atlas.stored_files import FOLDERS
 from facade_core.core.errors import StoreFormatError
 from facade_core.core.zarr_types import StoreGroup
@@ -110,7 +112,7 @@ def _repair(run: Run, *, thorough: bool) -> list[str]:
         for tag in find_broken_tags(repository, run.store):
             repository.delete_tag(tag)
             said.append(f"{run.store}: tag {tag} cannot be read and is removed")
-        due = _empty_damaged_chunks(session, group, thorough=thorough)
+        due = _empty_damaged_chunks(run.store, session, group, thorough=thorough)
     lost_units = find_lost_units(session)
     if not due and not lost_units:
         return said
@@ -122,10 +124,15 @@ def _repair(run: Run, *, thorough: bool) -> list[str]:
     return said
 
 
-def _empty_damaged_chunks(session: icechunk.Session, group: StoreGroup, *, thorough: bool) -> dict[str, set[int]]:
+def _empty_damaged_chunks(
+    store: StoreLocation, session: icechunk.Session, group: StoreGroup, *, thorough: bool
+) -> dict[str, set[int]]:
     """Empty unreadable chunks; returns by stage the units that wrote them, and with `thorough` those whose data differ."""
     plan = read_plan(session)
-    due = empty_unreadable_chunks(group, plan, find_unreadable_chunks(session))
+    if lost := find_unreadable_chunks(session):
+        require_readable_files(store)
+        lost = find_unreadable_chunks(session)
+    due = empty_unreadable_chunks(group, plan, lost)
     if thorough:
         for stage, units in find_differing_units(group, plan).items():
             due.setdefault(stage, set()).update(units)
