@@ -18,7 +18,7 @@ from facade_core.atlas.arrays import STORE_FORMAT
 from facade_core.atlas.journal_cache import update_cached_journals
 from facade_core.atlas.store_location import StoreLocation
 from facade_core.core.errors import LostStoreError, StoreError, StoreFormatError
-from facade_core.core.zarr_types import StoreGroup
+from facade_core.core.zarr_types import COMPRESSORS, StoreGroup
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -207,7 +207,8 @@ def read_format(group: StoreGroup) -> int | None:
 
 def write_table(session: icechunk.Session, group: str, table: xr.Dataset) -> None:
     """Write a table, a Dataset with one dimension per kind of row, over a group."""
-    table.to_zarr(session.store, group=group, mode="w", consolidated=False)
+    encoding = {name: {"compressors": COMPRESSORS} for name in table.variables}
+    table.to_zarr(session.store, group=group, mode="w", encoding=encoding, consolidated=False)
 
 
 def open_table(session: icechunk.Session, group: str) -> xr.Dataset:
