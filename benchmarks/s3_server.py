@@ -30,7 +30,7 @@ class InTurn(threaded_moto_server.DomainDispatcherApplication):
             start("500 Internal Server Error", [("Content-Type", "application/xml")])
             return [b"<Error><Code>InternalError</Code></Error>"]
         with turn:
-            answer = super().__call__(environ, start)
+            answer = list(super().__call__(environ, start))
         if fails:
             faults.unlink()
             environ["werkzeug.socket"].shutdown(2)

@@ -242,7 +242,7 @@ def commit(session: icechunk.Session, message: str) -> str:
         try:
             # moves the branch if its tip is the session's base, else rebases the session onto the tip and retries
             snapshot = session.commit(message, {TOKEN: token}, rebase_with=icechunk.ConflictDetector())
-        except icechunk.IcechunkError as error:
+        except (icechunk.IcechunkError, icechunk.RebaseFailedError) as error:
             if (made := _find_commit(repository, branch, token)) is None:
                 if isinstance(error, icechunk.RebaseFailedError):
                     raise StoreError(

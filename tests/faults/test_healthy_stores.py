@@ -31,11 +31,11 @@ def bucket(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[S3Path, P
             yield S3Path(address.removeprefix("s3://")), faults
 
 
-@pytest.mark.parametrize("lost", ["refs", "snapshots", "transactions", "manifests"])
+@pytest.mark.parametrize("lost", ["/refs/", "/snapshots/", "/transactions/", "/manifests/"])
 @pytest.mark.parametrize("when", ["created", "committed"])
 def test_a_commit_whose_answer_is_lost_stands(bucket: tuple[S3Path, Path], lost: str, when: str) -> None:
     folder, faults = bucket
-    store = folder / f"{lost}-{when}" / "store"
+    store = folder / f"{when}{lost.replace('/', '-')}" / "store"
     if when == "created":
         faults.write_text(json.dumps(["PUT", lost, "lose"]))
     repository = open_repository(store, create=True)
