@@ -138,6 +138,8 @@ def _check_published(out: Folder, newest: str | None, again: str) -> Iterator[Fi
     if current is None:
         yield Finding("published", False, f"`current` names no existing snapshot; {again} publishes")
     elif fault := find_snapshot_damage(current.folder, thorough=True):
+        if not find_snapshot_damage(current.folder):  # no size shows it: the next run compares digests
+            mark_store_suspect(out)
         yield Finding("published", False, f"{current.id}: {fault}; {again} publishes it again")
     elif newest is not None and (fault := explain_unpublished(out, newest)):
         yield Finding(
