@@ -17,7 +17,7 @@ import icechunk
 from facade_core.atlas.arrays import STORE_FORMAT
 from facade_core.atlas.journal_cache import update_cached_journals
 from facade_core.atlas.store_location import StoreLocation
-from facade_core.core.errors import LostStoreError, StoreError, StoreFormatError
+from facade_core.core.errors import LostStoreError, MachineError, StoreError, StoreFormatError
 from facade_core.core.zarr_types import COMPRESSORS, StoreGroup
 
 if TYPE_CHECKING:
@@ -38,6 +38,9 @@ PAGES_PER_MANIFEST = 4
 # and some hundred manifests. By default all snapshots of a run stay, which is half a gigabyte when history is expired.
 CACHED_SNAPSHOT_NODES = 10_000
 CACHED_CHUNK_REFERENCES = 1_000_000
+
+# What Icechunk says where the clock was set back since the last commit.
+CLOCK_ERROR = "invalid snapshot timestamp ordering"
 
 # The local file system has no compare-and-swap: if two threads move a branch at once, one commit is lost without an
 # error. A bucket has it; there the lock saves retries within a process.
@@ -248,6 +251,12 @@ def commit(session: icechunk.Session, message: str) -> str:
                     raise StoreError(
                         f"{message}: another unit wrote the same chunk ({error}); units must not share one"
                     ) from error
+                if CLOCK_ERROR in str(error):
+                    times = str(error).partition(CLOCK_ERROR)[2].splitlines()[0]
+                    raise MachineError(
+                        f"{repository.path}: the clock of this machine is behind the last commit ({times.strip('. ')}); "
+                        "set the clock, and run again: what is done is kept"
+                    ) from None
                 raise
             snapshot = made
         tip = repository.lookup_branch(branch)
