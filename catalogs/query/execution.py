@@ -17,7 +17,7 @@ from catalogs.published.columns import COLUMNS, arrow_type
 from catalogs.published.folders import Folder, map_concurrently
 from catalogs.published.merged_items import MergedItemsFile, read_merged_items_headers, read_parquet_schema
 from catalogs.published.runs import PublishedRun, find_runs
-from catalogs.published.s3 import S3Path, folder_at, translate_bucket_errors
+from catalogs.published.s3 import S3Path, folder_at
 from catalogs.published.snapshot import current_snapshot
 from catalogs.query.where import build_checked_select, condition_error, parse_since
 from facade_core.core.errors import InputError
@@ -231,7 +231,7 @@ def _filtered_dataset(path: S3Path, columns: pa.Schema, box: Sequence[float], st
     import pyarrow as pa
     from pyarrow import dataset
 
-    with translate_bucket_errors(path):
+    with object_store.translate_errors(path.path):
         rows = dataset.dataset(path.path, format="parquet", filesystem=object_store.arrow_filesystem())
     field = dataset.field
     if start is not None:

@@ -17,8 +17,15 @@ import icechunk
 from facade_core.atlas.arrays import STORE_FORMAT
 from facade_core.atlas.journal_cache import update_cached_journals
 from facade_core.atlas.store_location import StoreLocation
-from facade_core.core.errors import LostStoreError, MachineError, StoreError, StoreFormatError
-from facade_core.core.zarr_types import COMPRESSORS, StoreGroup
+from facade_core.core.errors import (
+    BUCKET_UNAVAILABLE,
+    BucketUnavailableError,
+    LostStoreError,
+    MachineError,
+    StoreError,
+    StoreFormatError,
+)
+from facade_core.core.zarr_types import COMPRESSORS, StoreGroup, is_bucket_unavailable
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -89,6 +96,7 @@ class Repository(icechunk.Repository):
         try:
             self.lookup_snapshot(session.snapshot_id)
         except icechunk.IcechunkError as error:
+            _raise_if_unavailable(self.path, error)
             raise StoreError(
                 f"{self.path}: snapshot {session.snapshot_id} cannot be read ({str(error).splitlines()[0].strip(' x')}); "
                 f"`streetloom run BLOCK.yaml --out {shlex.quote(str(self.path.parent))}` goes on from one that can"
@@ -145,6 +153,7 @@ def open_repository(path: StoreLocation, *, create: bool = False) -> Repository:
             _create_if_missing(storage)
         repository = Repository.open(storage, repository_config())
     except icechunk.IcechunkError as error:
+        _raise_if_unavailable(path, error)
         reason = str(error).splitlines()[0].strip(" x")
         if "repository doesn't exist" in reason:
             raise StoreError(f"{path}: holds no store; give the folder of a run") from error
@@ -163,6 +172,11 @@ def _create_if_missing(storage: icechunk.Storage) -> None:
     except icechunk.IcechunkError:
         if not Repository.exists(storage):
             raise
+
+
+def _raise_if_unavailable(path: StoreLocation, error: icechunk.IcechunkError) -> None:
+    if is_bucket_unavailable(error):
+        raise BucketUnavailableError(f"{path}: {BUCKET_UNAVAILABLE}") from error
 
 
 def open_root(session: icechunk.Session) -> StoreGroup:

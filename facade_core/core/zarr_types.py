@@ -35,6 +35,15 @@ def is_decoding_error(error: BaseException) -> bool:
     return _DECODING_ERROR in str(error)
 
 
+# What Icechunk says where a bucket answers with an error of its own, or not at all.
+_UNAVAILABLE_ERRORS = ("object store service error", "object store dispatch failure", "object store timeout")
+
+
+def is_bucket_unavailable(error: BaseException) -> bool:
+    """Return whether an error of a store is that its bucket does not answer."""
+    return any(text in str(error) for text in _UNAVAILABLE_ERRORS)
+
+
 class StoreArray(Protocol):
     """Protocol of zarr.Array; reading returns numpy arrays, of no dimension for one element."""
 

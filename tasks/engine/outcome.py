@@ -16,8 +16,15 @@ from zarr.errors import BaseZarrError
 
 from catalogs.printable_text import escape_invisible
 from facade_core.atlas.journal import Record
-from facade_core.core.errors import FacadeError, MachineError, ModelFileError, StoreError
-from facade_core.core.zarr_types import is_decoding_error
+from facade_core.core.errors import (
+    BUCKET_UNAVAILABLE,
+    BucketUnavailableError,
+    FacadeError,
+    MachineError,
+    ModelFileError,
+    StoreError,
+)
+from facade_core.core.zarr_types import is_bucket_unavailable, is_decoding_error
 
 log = logging.getLogger(__name__)
 
@@ -180,6 +187,8 @@ def machine_error(doing: str, error: BaseException) -> MachineError:
     said = next((one for one in chain if isinstance(one, MachineError)), None)
     if said is not None:
         return MachineError(f"{doing}: {said}") if type(said) is MachineError else said
+    if any(map(is_bucket_unavailable, chain)):
+        return BucketUnavailableError(f"{doing}: {BUCKET_UNAVAILABLE}")
     number = next((number for one in chain if (number := _error_number(one)) is not None), None)
     first = next(filter(_is_machine_error, chain), error)
     if number in DISK_ERRORS:

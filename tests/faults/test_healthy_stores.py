@@ -7,14 +7,18 @@ import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
+import icechunk
 import pytest
 import zarr
+from click.testing import CliRunner
 
 from benchmarks.s3_server import FAULTS
 from catalogs.published.s3 import S3Path
 from facade_core.atlas import integrity
 from facade_core.atlas.store import BRANCH, commit, create_root, open_repository
 from facade_core.core.errors import LostStoreError, MachineError
+from flows.cli.commands import command_line
+from flows.cli.exit_codes import EXIT_UNAVAILABLE, exit_code_and_message
 from tasks.engine.run import Run
 from tasks.engine.store.integrity import mark_store_suspect, repair_store
 from tests.bucket import served
@@ -108,3 +112,56 @@ def test_a_damaged_reference_is_told_with_what_judges_it(run: Run) -> None:
     (run.store / "refs" / f"branch.{BRANCH}" / "ref.json").write_text("{")
     with pytest.raises(LostStoreError, match=r"cannot be opened \(.*\); see to its disk.*`streetloom doctor .*` says"):
         open_repository(run.store)
+
+
+@pytest.mark.parametrize("method", ["GET", "PUT"])
+def test_a_bucket_that_answers_with_500_is_unavailable(bucket: tuple[S3Path, Path], method: str) -> None:
+    folder, faults = bucket
+    store = folder / f"unavailable-{method}" / "store"
+    session = open_repository(store, create=True).writable_session(BRANCH)
+    create_root(session)
+    commit(session, "first")
+    session = open_repository(store).writable_session(BRANCH)
+    zarr.open_group(session.store).attrs["value"] = 1
+
+    def use() -> None:
+        if method == "GET":
+            open_repository(store)
+        commit(session, "second")
+
+    faults.write_text(json.dumps([method, f"unavailable-{method}", "500"]))
+    try:
+        with pytest.raises(Exception, match=r"service error|does not answer") as raised:
+            use()
+    finally:
+        faults.unlink()
+    code, message = exit_code_and_message(raised.value)
+    assert code == EXIT_UNAVAILABLE
+    assert "what is done is kept" in message
+    assert "remove" not in message
+
+
+def test_a_clock_that_was_set_back_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    session = open_repository(tmp_path / "store", create=True).writable_session(BRANCH)
+    create_root(session)
+
+    def refuse(*_: object, **__: object) -> str:
+        raise icechunk.IcechunkError(
+            "session error: invalid snapshot timestamp ordering. parent: `2026-11-30 10:00`, child: `2026-11-29 10:00`\n |"
+        )
+
+    monkeypatch.setattr(icechunk.Session, "commit", refuse)
+    with pytest.raises(
+        MachineError, match=r"the clock .* is behind the last commit \(parent: .*29 10:00`\); set the clock"
+    ):
+        commit(session, "first")
+
+
+def test_metrics_leave_out_a_run_before_its_first_commit(run: Run, tmp_path: Path) -> None:
+    open_repository(tmp_path / "begun" / "store", create=True)
+    (tmp_path / "empty" / "store").mkdir(parents=True)
+    said = CliRunner().invoke(command_line, ["metrics", str(tmp_path)])
+    assert said.exit_code == 0
+    assert 'streetloom_published{run="out"} 1.0' in said.stdout
+    assert "streetloom: begun is left out" in said.stderr
+    assert "streetloom: empty is left out" in said.stderr
