@@ -94,6 +94,13 @@ def find_snapshot_damage(folder: Folder, *, thorough: bool = False) -> str | Non
     return None
 
 
+def has_other_content(folder: Folder, name: str) -> bool:
+    """Return whether a file of a published folder differs from what was written; False where nothing says it."""
+    content = read_file_list(folder)
+    held = content["files"].get(name) if content else None
+    return held is not None and file_content_digest(join_path(folder, name)) != held[1]
+
+
 def replace_files(folder: Folder, contents: Mapping[str, bytes]) -> None:
     """Replace files of a published folder, by path. The list comes first: repeated after a kill, both agree."""
     if (content := read_file_list(folder)) is not None:

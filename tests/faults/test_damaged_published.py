@@ -7,10 +7,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
 from catalogs.published.file_list import find_snapshot_damage
 from catalogs.published.snapshot import current_snapshot
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
+from flows.cli.commands import command_line
 from flows.run_entry import open_run
 from tasks.doctor import examine_folder
 from tasks.engine.run import Run
@@ -112,6 +114,21 @@ def test_a_flipped_bit_is_not_linked_into_the_next_snapshot_and_is_repaired_afte
     assert {name: again[name] for name in names if name.endswith((".glb", ".jpg", ".webp"))} == {
         name: data for name, data in _contents(kept).items() if name in names and not name.endswith(".html")
     }
+
+
+def test_a_damaged_catalogue_is_named_with_the_remedy(run: Run) -> None:
+    items = current_snapshot(Path(run.out)).items
+    whole = items.read_bytes()
+    refused = 0
+    for place in range(100, len(whole) // 3, len(whole) // 40):
+        items.write_bytes(whole[:place] + b"\xa5" * 60 + whole[place + 60 :])
+        for words in ([run.out], [run.out, "--where", "height_m > 0"]):
+            said = CliRunner().invoke(command_line, ["query", *words])
+            assert said.exit_code in (0, 2), said.output
+            if said.exit_code:
+                assert "items.parquet cannot be read as Parquet; `streetloom run` publishes again" in said.stderr
+                refused += 1
+    assert refused
 
 
 def test_a_removed_link_to_the_newest_snapshot_is_made_again(textured: tuple[Path, Run], run: Run) -> None:
