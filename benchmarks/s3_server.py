@@ -9,17 +9,32 @@ from contextlib import contextmanager
 
 import urllib3
 
+# Environment variable of a file with a JSON list: a method, a part of a path, and what becomes of the next such request:
+# "lose": it is done and not answered; "500", for as long as the file is there: it is refused.
+FAULTS = "STREETLOOM_BUCKET_FAULTS"
+
 # It ends when nobody holds its input any more. Requests are answered one by one: moto asks whether a condition holds and writes
 # in two steps, between which a busy machine lets another write.
 _SERVE = """
-import logging, sys, threading
+import json, logging, os, sys, threading
+from pathlib import Path
 from moto.moto_server import threaded_moto_server
 from moto.server import ThreadedMotoServer
 turn = threading.Lock()
+faults = Path(os.environ.get("STREETLOOM_BUCKET_FAULTS", "/none"))
 class InTurn(threaded_moto_server.DomainDispatcherApplication):
-    def __call__(self, *request):
+    def __call__(self, environ, start):
+        method, part, what = json.loads(faults.read_text()) if faults.is_file() else ("", "", "")
+        fails = method == environ["REQUEST_METHOD"] and part in environ["PATH_INFO"]
+        if fails and what == "500":
+            start("500 Internal Server Error", [("Content-Type", "application/xml")])
+            return [b"<Error><Code>InternalError</Code></Error>"]
         with turn:
-            return super().__call__(*request)
+            answer = list(super().__call__(environ, start))
+        if fails:
+            faults.unlink()
+            environ["werkzeug.socket"].shutdown(2)
+        return answer
 threaded_moto_server.DomainDispatcherApplication = InTurn
 logging.getLogger("werkzeug").setLevel(logging.ERROR)
 server = ThreadedMotoServer("127.0.0.1", 0, verbose=False)

@@ -16,9 +16,10 @@ def main() -> None:
     """Run the command line and exit the process with its code."""
     exit_on_signal(REPEAT_MESSAGE)
     _keep_library_warnings_off_terminal()
-    from flows.cli.first_run import refuse_python_without_checks
+    from flows.cli.first_run import refuse_closed_streams, refuse_python_without_checks
     from flows.server.proxies import exempt_loopback_from_proxies
 
+    refuse_closed_streams()
     refuse_python_without_checks()
     exempt_loopback_from_proxies()
     from flows.cli.commands import command_line as commands

@@ -9,6 +9,7 @@ from __future__ import annotations
 import fcntl
 import json
 import os
+import stat
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -174,7 +175,9 @@ def read_corrections(block: Path) -> Corrections:
     except FileNotFoundError:
         return NO_CORRECTIONS
     except (OSError, UnicodeError) as error:
-        raise InputError(f"{path} cannot be read ({short_message(error)}); restore it, or move it away") from error
+        raise InputError(
+            f"{path} cannot be read ({short_message(error)}); mend it, or restore it from a copy"
+        ) from error
 
 
 @lru_cache(maxsize=4)
@@ -240,13 +243,26 @@ def _line_values(correction: Correction) -> JsonObject:
 
 
 def _append_lines(path: Path, added: str) -> None:
+    """Append to a file atomically and durably; a link stays one, and the file keeps its mode."""
+    path = path.resolve()
     with lock_input_folder(path.parent):
-        text = read_regular(path).decode("utf-8-sig") if path.exists() else ""
+        there = path.exists()
+        text = read_regular(path).decode("utf-8-sig") if there else ""
         if text and not text.endswith("\n"):  # edited by hand
             text += "\n"
         draft = path.with_name(f".{path.name}.draft")
-        draft.write_text(text + added, encoding="utf-8")
+        with draft.open("w", encoding="utf-8") as file:
+            if there:
+                os.fchmod(file.fileno(), stat.S_IMODE(path.stat().st_mode))
+            file.write(text + added)
+            file.flush()
+            os.fsync(file.fileno())
         os.replace(draft, path)
+        folder = os.open(path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
 
 
 @contextmanager

@@ -146,7 +146,7 @@ def read_city_part_file(path: Path) -> dict[str, object]:
 
 def _unreadable_message(path: Path, error: Exception) -> str:
     why = short_message(error).removeprefix(str(path)).lstrip(": ")
-    return f"{path} holds no part of a city that can be read ({why}); remove it, and `streetloom city` writes it again"
+    return f"{path} holds no part of a city that can be read ({why}); `streetloom city` writes it again"
 
 
 def _byte_array(blob: bytearray) -> UInt8Array:

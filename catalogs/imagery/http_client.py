@@ -7,12 +7,13 @@ import hashlib
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from concurrent.futures import Future
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from threading import Lock
-from typing import TYPE_CHECKING, TypeVar
-from urllib.parse import urlsplit
+from threading import Lock, Thread
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from urllib.parse import urljoin, urlsplit
 
 from catalogs.imagery.settings import SERVICES
 from facade_core.core.errors import InputError
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 _RETRY_STATUS_CODES = frozenset((408, 425, 429, 500, 502, 503, 504))
+# Redirects after which a POST stays one.
+_SAME_METHOD_STATUS_CODES = frozenset((307, 308))
 _PIECE_BYTES = 1 << 16
 
 
@@ -46,6 +49,11 @@ class ServiceToken:
         if urlsplit(str(request.url)).netloc.lower() == self.host:
             request.headers["Authorization"] = self.header  # requests removes it on redirects to another host
         return request
+
+
+class _Refusal(NamedTuple):
+    status: int
+    retry_after: str | None
 
 
 @dataclass
@@ -112,15 +120,13 @@ class HttpClient:
         for attempt in range(SERVICES.max_attempts):
             self._wait_until_allowed()
             try:
-                with self._open_response(url, params, body) as response:
-                    if response.ok:
-                        return use(response)
-                    problem = f"answers {response.status_code}"
-                    if response.status_code not in _RETRY_STATUS_CODES:
-                        raise RequestRejectedError(
-                            f"{where} {problem}; {_remedy(response.status_code, url, self.token)}"
-                        )
-                    wait = _parse_retry_after(response.headers.get("Retry-After"))
+                answer = _call_within_time_limit(partial(self._exchange, url, use, params, body))
+                if not isinstance(answer, _Refusal):
+                    return answer
+                problem = f"answers {answer.status}"
+                if answer.status not in _RETRY_STATUS_CODES:
+                    raise RequestRejectedError(f"{where} {problem}; {_remedy(answer.status, url, self.token)}")
+                wait = _parse_retry_after(answer.retry_after)
             except (requests.ConnectionError, requests.Timeout, requests.exceptions.ChunkedEncodingError) as error:
                 problem, wait = f"cannot be read ({_error_name(error)})", None
             except requests.TooManyRedirects:
@@ -140,31 +146,51 @@ class HttpClient:
             f"{where} {problem}, {SERVICES.max_attempts} times; run again later: downloaded files are kept"
         )
 
-    @contextmanager
-    def _open_response(self, url: str, params: Mapping[str, str] | None, body: JsonObject | None) -> Iterator[Response]:
-        response = self._get_session().request(
-            "GET" if body is None else "POST",
-            url,
-            params=params,
-            json=body,
-            auth=self.token,
-            timeout=(SERVICES.connect_timeout_s, SERVICES.read_timeout_s),
-            stream=True,
-        )
-        try:
-            yield response
-        finally:
-            response.close()
+    def _exchange(
+        self, url: str, use: Callable[[Response], T], params: Mapping[str, str] | None, body: JsonObject | None
+    ) -> T | _Refusal:
+        """Send a request, and use its answer. The body of a redirect is not read, which requests would do without a limit."""
+        import requests
+
+        session = self._get_session()
+        for _ in range(SERVICES.max_redirects + 1):
+            response = session.request(
+                "GET" if body is None else "POST",
+                url,
+                params=params,
+                json=body,
+                auth=self.token,
+                timeout=(SERVICES.connect_timeout_s, SERVICES.read_timeout_s),
+                stream=True,
+            )
+            try:
+                if (target := requests.Session.get_redirect_target(session, response)) is None:
+                    return (
+                        use(response)
+                        if response.ok
+                        else _Refusal(response.status_code, response.headers.get("Retry-After"))
+                    )
+            finally:
+                response.close()
+            url, params = urljoin(url, target), None
+            if response.status_code not in _SAME_METHOD_STATUS_CODES:
+                body = None
+        raise requests.TooManyRedirects
 
     def _get_session(self) -> Session:
         import requests
 
         from catalogs.imagery import USER_AGENT
 
+        class SingleRequestSession(requests.Session):
+            """Session that follows no redirect: requests would read its whole body first."""
+
+            def get_redirect_target(self, resp: Response) -> None:
+                return None
+
         with self._lock:
             if self._session is None:
-                self._session = requests.Session()
-                self._session.max_redirects = SERVICES.max_redirects
+                self._session = SingleRequestSession()
                 self._session.headers["User-Agent"] = USER_AGENT
                 self._session.headers["Accept-Encoding"] = "identity"  # Content-Length then equals the file's size
             return self._session
@@ -178,6 +204,28 @@ class HttpClient:
         left = self._not_before - time.monotonic()
         if left > 0:
             self.sleep(left)
+
+
+def _call_within_time_limit(function: Callable[[], T]) -> T:
+    """Call a function in a thread, up to SERVICES.total_timeout_s; a service may send its headers byte by byte for ever.
+
+    The thread of a call that takes longer is left behind: it ends with the process, or once the service sends a piece.
+    """
+    import requests
+
+    ended: Future[T] = Future()
+
+    def call() -> None:
+        try:
+            ended.set_result(function())
+        except BaseException as error:
+            ended.set_exception(error)
+
+    Thread(target=call, name="request", daemon=True).start()
+    try:
+        return ended.result(SERVICES.total_timeout_s)
+    except TimeoutError:
+        raise requests.Timeout("too slow") from None
 
 
 def redact_url(url: str) -> str:

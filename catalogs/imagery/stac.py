@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 
 # Names of the asset with the picture at full size.
 _FULL_SIZE_ASSETS = ("hd", "data", "visual", "image")
+# How far outside a small box a picture may lie that belongs to the answer, about 10 m.
+MIN_BOX_MARGIN_DEG = 1e-4
 
 
 def search_stac(client: HttpClient, api: str, query: PanoramaQuery) -> Iterator[RemotePanorama | Fault]:
@@ -77,9 +79,30 @@ def _box_search(client: Client, dates: str | None) -> Callable[[LonLatBox], Iter
             method="GET", bbox=list(box), datetime=dates, limit=SERVICES.stac_page_size
         ).pages_as_dicts()
         items = ([item for item in page.get("features") or () if isinstance(item, dict)] for page in pages)
-        return join_pages(items, client.get_self_href() or "")
+        api, elsewhere = client.get_self_href() or "", 0
+        for item in join_pages(items, api):
+            if isinstance(item, Fault) or _lies_near(item, box):
+                yield item
+            else:
+                elsewhere += 1
+        if elsewhere:  # a fault: quarters would be answered alike
+            reason = f"ignores the box: {elsewhere} of its pictures lie elsewhere and are left out; tell its service"
+            yield panorama_fault(redact_url(api), reason)
 
     return search
+
+
+def _lies_near(item: JsonObject, box: LonLatBox) -> bool:
+    """Report whether a picture lies in a box or near it; also where its place cannot be read."""
+    place = mapping_or_empty(item.get("geometry")).get("coordinates")
+    if not isinstance(place, list) or len(place) < 2:
+        return True
+    lon, lat = (finite_float_or_none(value) for value in place[:2])
+    if lon is None or lat is None or abs(lon) > 180.0 or abs(lat) > 90.0:
+        return True
+    west, south, east, north = box
+    margin = max(east - west, north - south, MIN_BOX_MARGIN_DEG)
+    return west - margin <= lon <= east + margin and south - margin <= lat <= north + margin
 
 
 def _parse_item(item: JsonObject | Fault, licence: str | None) -> RemotePanorama | Fault | None:

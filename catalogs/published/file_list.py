@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TypeAlias, TypedDict
 
@@ -94,15 +94,21 @@ def find_snapshot_damage(folder: Folder, *, thorough: bool = False) -> str | Non
     return None
 
 
-def update_file_list(folder: Folder, names: Iterable[str]) -> None:
-    """Update the entries of files, by path, that were changed in a published folder."""
+def has_other_content(folder: Folder, name: str) -> bool:
+    """Return whether a file of a published folder differs from what was written; False where nothing says it."""
     content = read_file_list(folder)
-    if content is None:
-        return
-    sizes = file_sizes(folder)
-    for name in names:
-        content["files"][name] = (sizes[name], file_content_digest(join_path(folder, name)))
-    _write_json(folder, content)
+    held = content["files"].get(name) if content else None
+    return held is not None and file_content_digest(join_path(folder, name)) != held[1]
+
+
+def replace_files(folder: Folder, contents: Mapping[str, bytes]) -> None:
+    """Replace files of a published folder, by path. The list comes first: repeated after a kill, both agree."""
+    if (content := read_file_list(folder)) is not None:
+        digests = {name: (len(data), _content_digest(data).hexdigest()) for name, data in contents.items()}
+        content["files"].update(digests)
+        _write_json(folder, content)
+    for name, data in contents.items():
+        write_atomically(join_path(folder, name), data)
 
 
 def read_predecessor(folder: Folder) -> str | None:
@@ -132,6 +138,10 @@ def _write_json(folder: Folder, content: FileList) -> None:
 def file_content_digest(path: Folder) -> str:
     """Return the hexadecimal digest of a file's bytes."""
     if not isinstance(path, Path):
-        return hashlib.blake2b(path.read_bytes(), digest_size=8).hexdigest()
+        return _content_digest(path.read_bytes()).hexdigest()
     with path.open("rb") as file:
-        return hashlib.file_digest(file, lambda: hashlib.blake2b(digest_size=8)).hexdigest()
+        return hashlib.file_digest(file, _content_digest).hexdigest()
+
+
+def _content_digest(data: bytes = b"") -> hashlib.blake2b:
+    return hashlib.blake2b(data, digest_size=8)

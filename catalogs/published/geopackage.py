@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 from catalogs.gdal_paths import gdal_write_path
 from catalogs.published.qgis_styles import STYLE_NAME, build_qml
+from catalogs.reader_errors import short_message
+from facade_core.core.errors import MachineError
 
 if TYPE_CHECKING:
     import geopandas as gpd
@@ -50,7 +52,7 @@ class GeoPackageWriter:
 
         is_new = name not in self._written
         options = {"dataset_metadata": self._metadata, "layer_metadata": self._metadata} if is_new else {}
-        with self._fixed_time(), gdal_write_path(self._path) as target:
+        with self._name_write_errors(), self._fixed_time(), gdal_write_path(self._path) as target:
             pyogrio.write_dataframe(layer, target, layer=name, driver="GPKG", append=not is_new, **options)
         if is_new:
             self._written.append(name)
@@ -60,7 +62,7 @@ class GeoPackageWriter:
         styled = [(name, qml) for name in self._written if (qml := build_qml(name)) is not None]
         if not styled:
             return
-        with closing(sqlite3.connect(self._path)) as file, file:
+        with self._name_write_errors(), closing(sqlite3.connect(self._path)) as file, file:
             file.execute(_CREATE_STYLES)
             file.execute(
                 "INSERT INTO gpkg_contents (table_name, data_type, identifier, description, last_change)"
@@ -73,6 +75,17 @@ class GeoPackageWriter:
                 " VALUES ('', '', ?, 'geom', ?, ?, '', 1, '', '', ?)",
                 [(name, STYLE_NAME, qml, self._time) for name, qml in styled],
             )
+
+    @contextmanager
+    def _name_write_errors(self) -> Iterator[None]:
+        from pyogrio import errors
+
+        try:
+            yield
+        except (errors.DataSourceError, errors.DataLayerError, errors.FeatureError, sqlite3.Error) as error:
+            raise MachineError(
+                f"{self._path}: cannot be written ({short_message(error)}); free some space, or name another place"
+            ) from error
 
     @contextmanager
     def _fixed_time(self) -> Iterator[None]:

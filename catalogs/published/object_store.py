@@ -14,7 +14,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from facade_core.core.errors import InputError, MachineError
+from facade_core.core.errors import BucketUnavailableError, InputError
 
 if TYPE_CHECKING:
     from obstore.store import S3Credential, S3Store
@@ -50,7 +50,7 @@ def upload_object(path: str, data: bytes | Path) -> None:
     """Write an object, by its bucket/key, replacing it atomically."""
     import obstore
 
-    with _translate_errors(path):
+    with translate_errors(path):
         obstore.put(*_locate(path), data)
 
 
@@ -65,7 +65,7 @@ def upload_if_unchanged(path: str, data: bytes, tag: str | None) -> str | None:
     from obstore.exceptions import AlreadyExistsError, NotFoundError, PreconditionError
 
     try:
-        with _translate_errors(path):
+        with translate_errors(path):
             try:
                 mode = "create" if tag is None else {"e_tag": tag}
                 return obstore.put(*_locate(path), data, mode=mode)["e_tag"]  # type: ignore[arg-type]
@@ -84,7 +84,7 @@ def download_object(path: str) -> tuple[bytes, str] | None:
     import obstore
 
     try:
-        with _translate_errors(path):
+        with translate_errors(path):
             found = obstore.get(*_locate(path))
             return bytes(found.bytes()), str(found.meta["e_tag"])
     except FileNotFoundError:
@@ -96,7 +96,7 @@ def list_objects(path: str) -> dict[str, ObjectInfo]:
     import obstore
 
     store, prefix = _locate(path + "/")
-    with _translate_errors(path):
+    with translate_errors(path):
         return {
             one["path"][len(prefix) :]: ObjectInfo(one["size"], one["last_modified"])
             for some in obstore.list(store, prefix=prefix or None)
@@ -111,7 +111,7 @@ def has_objects(path: str) -> bool:
 
     store, prefix = _locate(path + "/")
     try:
-        with _translate_errors(path):
+        with translate_errors(path):
             return any(len(some) > 0 for some in obstore.list(store, prefix=prefix or None, chunk_size=1))
     except NoBucketError:
         return False
@@ -122,7 +122,7 @@ def list_folder(path: str) -> list[str]:
     import obstore
 
     store, prefix = _locate(path + "/")
-    with _translate_errors(path):
+    with translate_errors(path):
         found = obstore.list_with_delimiter(store, prefix=prefix or None)
     keys = [*found["common_prefixes"], *(one["path"] for one in found["objects"])]
     return [key.rstrip("/") for key in keys if key != prefix]
@@ -133,7 +133,7 @@ def object_size(path: str) -> int | None:
     import obstore
 
     try:
-        with _translate_errors(path):
+        with translate_errors(path):
             return int(obstore.head(*_locate(path))["size"])
     except (FileNotFoundError, NoBucketError):
         return None
@@ -152,7 +152,7 @@ def copy_object(source: str, target: str) -> None:
     import obstore
 
     (store, one), (_, other) = _locate(source), _locate(target)
-    with _translate_errors(source):
+    with translate_errors(source):
         obstore.copy(store, one, other)
 
 
@@ -163,7 +163,7 @@ def delete_objects(paths: Iterable[str]) -> None:
     waiting = list(paths)
     if not waiting:
         return
-    with _translate_errors(waiting[0]):
+    with translate_errors(waiting[0]):
         try:
             obstore.delete(_locate(waiting[0])[0], [_locate(path)[1] for path in waiting])
         except FileNotFoundError:
@@ -173,10 +173,10 @@ def delete_objects(paths: Iterable[str]) -> None:
 
 
 @contextmanager
-def _translate_errors(path: str) -> Iterator[None]:
+def translate_errors(path: str) -> Iterator[None]:
     """Convert errors of the bucket into one line with the remedy.
 
-    Raises MachineError, InputError if the environment is wrong, FileNotFoundError for missing objects. Failed
+    Raises BucketUnavailableError, InputError if the environment is wrong, FileNotFoundError for missing objects. Failed
     conditions pass unchanged.
     """
     from obstore.exceptions import (
@@ -202,7 +202,7 @@ def _translate_errors(path: str) -> Iterator[None]:
         ) from error
     except (BaseError, OSError) as error:
         _require_bucket(path, error)
-        raise MachineError(
+        raise BucketUnavailableError(
             f"s3://{path}: the bucket does not answer as it should ({error_text(error)}); check AWS_ENDPOINT_URL and the "
             "network, and run again: what is done is kept"
         ) from error

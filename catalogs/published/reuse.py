@@ -15,18 +15,18 @@ from catalogs.published.folders import Folder, join_path
 class SnapshotFileWriter:
     """Writer of the files of a snapshot that is being published; files with unchanged inputs are linked.
 
+    A file is linked only if its digest is that of the list: a damaged one is written again.
+
     Attributes
     ----------
     folder : folder of the snapshot.
     earlier : folder of a snapshot to link from, or to copy from in a bucket; None if there is none.
-    verify_digests : whether to compare the digests of earlier files before they are linked, not only their sizes.
     source_digests : path -> digest of the inputs of a file; equal digests mean equal bytes.
     linked : path -> size and digest of files that were linked.
     """
 
     folder: Path
     earlier: Folder | None = None
-    verify_digests: bool = False
     source_digests: dict[str, str] = field(default_factory=dict)
     linked: dict[str, SizeAndDigest] = field(default_factory=dict)
     _earlier_files: dict[str, SizeAndDigest] = field(init=False)
@@ -55,18 +55,14 @@ class SnapshotFileWriter:
         source, (size, digest) = join_path(self.earlier, path), self._earlier_files[path]
         try:
             if isinstance(source, Path):
-                is_equal = _has_content(source, size, digest if self.verify_digests else None)
+                is_equal = file_content_digest(source) == digest
                 if is_equal:
                     os.link(source, target)
             else:
                 target.write_bytes(source.read_bytes())
-                is_equal = _has_content(target, size, digest)
+                is_equal = file_content_digest(target) == digest
         except OSError:  # missing, or no support for links: the file is written instead
             return False
         if is_equal:
             self.linked[path] = (size, digest)
         return is_equal
-
-
-def _has_content(file: Path, size: int, digest: str | None) -> bool:
-    return file.stat().st_size == size and (digest is None or file_content_digest(file) == digest)

@@ -5,13 +5,12 @@ from __future__ import annotations
 import errno
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from catalogs.published import object_store
-from facade_core.core.errors import InputError, MachineError
+from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
     import icechunk
@@ -24,8 +23,8 @@ class S3Path:
     """Path of a folder or object in a bucket, with the part of pathlib's interface that runs need.
 
     Credentials, region and address come from the environment, as for AWS tools: AWS_ACCESS_KEY_ID, AWS_PROFILE, ...,
-    AWS_REGION, AWS_ENDPOINT_URL_S3 or AWS_ENDPOINT_URL. Of a profile only keys are taken. Methods that read raise
-    InputError if the bucket does not answer; methods that write raise the errors of `object_store`.
+    AWS_REGION, AWS_ENDPOINT_URL_S3 or AWS_ENDPOINT_URL. Of a profile only keys are taken. Methods raise the errors of
+    `object_store`.
 
     Attributes
     ----------
@@ -66,8 +65,7 @@ class S3Path:
 
     def is_dir(self) -> bool:
         """Return whether any object is below this path."""
-        with translate_bucket_errors(self):
-            return object_store.has_objects(self.path)
+        return object_store.has_objects(self.path)
 
     def is_file(self) -> bool:
         """Return whether an object has this path."""
@@ -75,13 +73,11 @@ class S3Path:
 
     def iterdir(self) -> Iterator[S3Path]:
         """Yield the objects and folders directly below this one."""
-        with translate_bucket_errors(self):
-            return iter([S3Path(f"{self.bucket}/{key}") for key in object_store.list_folder(self.path)])
+        return iter([S3Path(f"{self.bucket}/{key}") for key in object_store.list_folder(self.path)])
 
     def read_bytes(self) -> bytes:
         """Return the bytes of the object. Raises FileNotFoundError if it does not exist."""
-        with translate_bucket_errors(self):
-            found = object_store.download_object(self.path)
+        found = object_store.download_object(self.path)
         if found is None:
             raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(self))
         return found[0]
@@ -108,8 +104,7 @@ class S3Path:
 
     def size(self) -> int | None:
         """Return the size of this object in bytes, or None if it does not exist."""
-        with translate_bucket_errors(self):
-            return object_store.object_size(self.path)
+        return object_store.object_size(self.path)
 
     def remove(self) -> None:
         """Remove all objects below this folder."""
@@ -144,16 +139,3 @@ def folder_at(place: str | Path | S3Path) -> Path | S3Path:
     if not path:
         raise InputError(f"{place}: names no bucket; write s3://BUCKET/FOLDER")
     return S3Path(path)
-
-
-@contextmanager
-def translate_bucket_errors(folder: S3Path) -> Iterator[None]:
-    """Convert errors of reading a bucket into one line with the remedy."""
-    try:
-        yield
-    except (OSError, MachineError) as error:
-        message = object_store.error_text(error.__cause__ or error)
-        raise InputError(
-            f"{folder}: cannot be reached ({message}); check the address, AWS_REGION, AWS_ENDPOINT_URL and the "
-            "credentials"
-        ) from error

@@ -14,10 +14,11 @@ from catalogs.buildings.axis_mistakes import SWAPPED_AXES_NOTE, format_numbers, 
 from catalogs.printable_text import normal_form
 from catalogs.published import object_store
 from catalogs.published.columns import COLUMNS, arrow_type
+from catalogs.published.file_list import has_other_content
 from catalogs.published.folders import Folder, map_concurrently
 from catalogs.published.merged_items import MergedItemsFile, read_merged_items_headers, read_parquet_schema
 from catalogs.published.runs import PublishedRun, find_runs
-from catalogs.published.s3 import S3Path, folder_at, translate_bucket_errors
+from catalogs.published.s3 import S3Path, folder_at
 from catalogs.published.snapshot import current_snapshot
 from catalogs.query.where import build_checked_select, condition_error, parse_since
 from facade_core.core.errors import InputError
@@ -106,12 +107,15 @@ def _select_rows(
         connection.execute("SET enable_external_access = false")
         connection.execute("SET lock_configuration = true")
         connection.execute(f"CREATE TEMP VIEW items AS {' UNION ALL '.join(parts)}")
-        if where is None:
-            return _to_pandas(_run_sql(connection, "FROM items", schema))
-        text = build_checked_select(connection, "items", where, schema.names)
+        text = "FROM items" if where is None else build_checked_select(connection, "items", where, schema.names)
         try:
             return _to_pandas(_run_sql(connection, text, schema))
         except duckdb.Error as error:
+            for path in named:
+                if where is None or has_other_content(path.parent, path.name):
+                    raise InputError(f"{path} cannot be read as Parquet; `streetloom run` publishes again") from error
+            if where is None:
+                raise
             problem = str(error).splitlines()[0].partition(": ")[2].partition(" You might")[0]
             raise condition_error(where, problem, "compare each column with a value of its type") from error
 
@@ -231,7 +235,7 @@ def _filtered_dataset(path: S3Path, columns: pa.Schema, box: Sequence[float], st
     import pyarrow as pa
     from pyarrow import dataset
 
-    with translate_bucket_errors(path):
+    with object_store.translate_errors(path.path):
         rows = dataset.dataset(path.path, format="parquet", filesystem=object_store.arrow_filesystem())
     field = dataset.field
     if start is not None:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections import defaultdict
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 from catalogs.published.folders import Folder, file_sizes, join_path, write_atomically
 from catalogs.stac.parquet import MIRROR_NAME, remove_dead_geoparquet_links
@@ -55,31 +54,25 @@ def _deprecate_file(stac: Folder, name: str, newest: Collection[str], latest: st
     write_atomically(join_path(stac, name), stac_fields_json(fields).encode())
 
 
-def remove_dead_version_links(published: Folder) -> dict[str, list[str]]:
-    """Remove version links to snapshots that are gone.
-
-    Returns
-    -------
-    Changed files, by snapshot, as paths in it.
-    """
+def find_dead_version_links(published: Folder) -> Iterator[tuple[str, dict[str, bytes]]]:
+    """Yield each snapshot with links to snapshots that are gone, and its files without them: path in it -> content."""
     there = {path.name for path in published.iterdir() if path.is_dir()}
 
     def is_dead(link: JsonObject) -> bool:
         return link["rel"] in VERSION_LINKS and not there & set(re.split("/", link["href"]))
 
-    changed: dict[str, list[str]] = defaultdict(list)
     for snapshot in sorted(name for name in there if not name.startswith(".")):
         stac = join_path(published, f"{snapshot}/{STAC_FOLDER}")
         names = sorted(file_sizes(stac))
+        changed: dict[str, bytes] = {}
         for name in (name for name in names if name.endswith(".json")):
             fields: JsonObject = json.loads(join_path(stac, name).read_text(encoding="utf-8"))
             links: Sequence[JsonObject] = fields.get("links", ())
             if any(map(is_dead, links)):
                 fields["links"] = [link for link in links if not is_dead(link)]
-                write_atomically(join_path(stac, name), stac_fields_json(fields).encode())
-                changed[snapshot].append(f"{STAC_FOLDER}/{name}")
+                changed[f"{STAC_FOLDER}/{name}"] = stac_fields_json(fields).encode()
         for name in (name for name in names if re.fullmatch(f"[^/]+/{MIRROR_NAME}", name)):
             if (table := remove_dead_geoparquet_links(join_path(stac, name).read_bytes(), is_dead)) is not None:
-                write_atomically(join_path(stac, name), table)
-                changed[snapshot].append(f"{STAC_FOLDER}/{name}")
-    return dict(changed)
+                changed[f"{STAC_FOLDER}/{name}"] = table
+        if changed:
+            yield snapshot, changed

@@ -6,6 +6,7 @@ Readable data is never removed.
 from __future__ import annotations
 
 import asyncio
+import errno
 import json
 import os
 import shutil
@@ -21,7 +22,7 @@ import zarr
 
 from facade_core.atlas.store import BRANCH, Repository, open_repository
 from facade_core.atlas.store_location import StoreLocation
-from facade_core.core.errors import LostStoreError, StoreError
+from facade_core.core.errors import LostStoreError, MachineError, StoreError
 
 if TYPE_CHECKING:
     from zarr.types import AnyArray as ZarrArray
@@ -69,6 +70,8 @@ def roll_back_to_readable(path: StoreLocation, verify: Callable[[icechunk.Sessio
     ------
     LostStoreError
         No snapshot is readable.
+    MachineError
+        The disk or the bucket refuses a file.
     """
     if _was_never_committed(path):
         if isinstance(path, Path):
@@ -76,15 +79,11 @@ def roll_back_to_readable(path: StoreLocation, verify: Callable[[icechunk.Sessio
         else:
             path.remove()
         return None
-    try:
-        repository = open_repository(path)
-        tip = repository.lookup_branch(BRANCH)
-        if repository.lookup_snapshot(tip).parent_id is None:
-            return None
-        verify(repository.readonly_session(snapshot_id=tip))
+    if _find_fault(path, verify) is None:
         return None
-    except (StoreError, *DAMAGE_ERRORS) as error:
-        reason = _first_line(error.__cause__ if isinstance(error, StoreError) and error.__cause__ else error)
+    require_readable_files(path)
+    if (reason := _find_fault(path, verify)) is None:
+        return None
     for made, snapshot in _list_snapshots(path):
         try:
             verify(open_repository(path).readonly_session(snapshot_id=snapshot))
@@ -93,8 +92,43 @@ def roll_back_to_readable(path: StoreLocation, verify: Callable[[icechunk.Sessio
         _write_branch(path, snapshot)
         return Rollback(snapshot, made, reason)
     raise LostStoreError(
-        f"{path}: cannot be read ({reason}), nor any earlier snapshot; move {path} away, and run again"
+        f"{path}: cannot be read ({reason}), nor any earlier snapshot; restore a copy of it, or name another folder with --out"
     )
+
+
+def require_readable_files(path: StoreLocation) -> None:
+    """Read every file of a store: only what can be read and not decoded is damaged, or a file with a bad sector.
+
+    Raises
+    ------
+    MachineError
+        The disk or the bucket refuses a file.
+    """
+    if not isinstance(path, Path):
+        with ThreadPoolExecutor(READ_THREADS) as threads:
+            list(threads.map(lambda name: len((path / name).read_bytes()), path.sizes()))
+        return
+    for file in (file for file in path.rglob("*") if file.is_file()):
+        try:
+            file.read_bytes()
+        except OSError as error:
+            if error.errno != errno.EIO:
+                raise MachineError(
+                    f"{file}: cannot be read ({error.strerror}); see to its permissions and its disk, and run again: "
+                    "what is done is kept"
+                ) from error
+
+
+def _find_fault(path: StoreLocation, verify: Callable[[icechunk.Session], None]) -> str | None:
+    """Return why the newest snapshot cannot be read; None if it can, or if nothing was ever committed."""
+    try:
+        repository = open_repository(path)
+        tip = repository.lookup_branch(BRANCH)
+        if repository.lookup_snapshot(tip).parent_id is not None:
+            verify(repository.readonly_session(snapshot_id=tip))
+    except (StoreError, *DAMAGE_ERRORS) as error:
+        return _first_line(error.__cause__ if isinstance(error, StoreError) and error.__cause__ else error)
+    return None
 
 
 def list_chunks(session: icechunk.Session, array: str) -> set[ChunkCoordinates]:

@@ -11,7 +11,7 @@ import json
 from collections.abc import Iterable, Sequence
 from typing import Required, TypedDict, TypeVar, overload
 
-from facade_core.atlas.journal_cache import read_cached_array
+from facade_core.atlas.journal_cache import read_cached_array, read_elements
 from facade_core.core.arrays import IntArray
 from facade_core.core.zarr_types import StoreGroup
 
@@ -105,7 +105,7 @@ def read_records(
     """
     if journal_path(stage) not in group:
         return [None] * len(units)
-    texts: Iterable[object] = group[journal_path(stage)].oindex[units] if len(units) else ()
+    texts: Iterable[object] = read_elements(group[journal_path(stage)], units) if len(units) else ()
     return [json.loads(str(text)) if text else None for text in texts]
 
 

@@ -12,8 +12,8 @@ import icechunk
 import numpy as np
 
 from facade_core.atlas.store_location import StoreLocation
-from facade_core.core.arrays import AnyArray
-from facade_core.core.zarr_types import StoreGroup
+from facade_core.core.arrays import AnyArray, IntArray
+from facade_core.core.zarr_types import StoreArray, StoreGroup, is_decoding_error
 
 
 @dataclass
@@ -58,19 +58,31 @@ def read_cached_array(group: StoreGroup, path: str) -> AnyArray:
     """
     array, cached = group[path], _caches.get(getattr(group.store, "folder", None))  # type: ignore[arg-type]
     if cached is None or (session := group.store.session).has_uncommitted_changes:
-        return array[:]
+        return read_elements(array, np.arange(array.shape[0]))
     with _cache_lock:
         if cached.snapshot != session.snapshot_id:  # the store was rolled back, or the session is of an older snapshot
             cached.snapshot, cached.arrays = session.snapshot_id, {}
         values = cached.arrays.pop(path, None)  # removed while it is read, so that a failed read leaves nothing behind
         stale = np.array(sorted(cached.stale.pop(path, ())), np.int64)
         if values is None or values.shape != array.shape:
-            values = array[:]
+            values = read_elements(array, np.arange(array.shape[0]))
         elif len(stale):
             values = values.copy()
-            values[stale] = array.oindex[stale]
+            values[stale] = read_elements(array, stale)
         cached.arrays[path] = values
     return values
+
+
+def read_elements(array: StoreArray, elements: IntArray) -> AnyArray:
+    """Read elements (n,) of a journal array; one that cannot be decoded is empty, so that its unit is pending."""
+    try:
+        return array.oindex[elements]
+    except RuntimeError as error:
+        if not is_decoding_error(error):
+            raise
+        if len(elements) == 1:
+            return np.full(1, array.fill_value, array.dtype)
+    return np.concatenate([read_elements(array, half) for half in np.array_split(elements, 2)])
 
 
 def update_cached_journals(store: StoreLocation, parent: str | None, snapshot: str, changes: icechunk.Diff) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+import uuid
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
@@ -16,13 +17,22 @@ import icechunk
 from facade_core.atlas.arrays import STORE_FORMAT
 from facade_core.atlas.journal_cache import update_cached_journals
 from facade_core.atlas.store_location import StoreLocation
-from facade_core.core.errors import LostStoreError, StoreError, StoreFormatError
-from facade_core.core.zarr_types import StoreGroup
+from facade_core.core.errors import (
+    BUCKET_UNAVAILABLE,
+    BucketUnavailableError,
+    LostStoreError,
+    MachineError,
+    StoreError,
+    StoreFormatError,
+)
+from facade_core.core.zarr_types import COMPRESSORS, StoreGroup, is_bucket_unavailable
 
 if TYPE_CHECKING:
     import xarray as xr
 
 BRANCH = "main"
+# Metadata of a commit: a number of its own, by which it is known again.
+TOKEN = "commit"
 
 # Icechunk warns at every opening that local folders are unsafe for concurrent commits; here one process commits, behind
 # a lock.
@@ -35,6 +45,9 @@ PAGES_PER_MANIFEST = 4
 # and some hundred manifests. By default all snapshots of a run stay, which is half a gigabyte when history is expired.
 CACHED_SNAPSHOT_NODES = 10_000
 CACHED_CHUNK_REFERENCES = 1_000_000
+
+# What Icechunk says where the clock was set back since the last commit.
+CLOCK_ERROR = "invalid snapshot timestamp ordering"
 
 # The local file system has no compare-and-swap: if two threads move a branch at once, one commit is lost without an
 # error. A bucket has it; there the lock saves retries within a process.
@@ -83,6 +96,7 @@ class Repository(icechunk.Repository):
         try:
             self.lookup_snapshot(session.snapshot_id)
         except icechunk.IcechunkError as error:
+            _raise_if_unavailable(self.path, error)
             raise StoreError(
                 f"{self.path}: snapshot {session.snapshot_id} cannot be read ({str(error).splitlines()[0].strip(' x')}); "
                 f"`streetloom run BLOCK.yaml --out {shlex.quote(str(self.path.parent))}` goes on from one that can"
@@ -122,27 +136,47 @@ def open_repository(path: StoreLocation, *, create: bool = False) -> Repository:
     Raises
     ------
     StoreError
-        There is no repository, or it is damaged.
+        There is no repository.
+    LostStoreError
+        It cannot be opened.
     """
     if not create and not path.is_dir():  # the storage would create one, which a run would take for a lost store
         raise StoreError(f"{path}: there is no store; run the block first")
     if isinstance(path, Path):
         if (path.exists() or path.is_symlink()) and not path.is_dir():  # Icechunk panics
-            raise LostStoreError(f"{path}: is no folder; remove it, and run again")
+            raise LostStoreError(f"{path}: is no folder; mount what it links to, or name another folder with --out")
         storage = icechunk.local_filesystem_storage(str(path))
     else:
         storage = path.icechunk_storage()
     try:
         if create:
-            Repository.open_or_create(storage)
+            _create_if_missing(storage)
         repository = Repository.open(storage, repository_config())
     except icechunk.IcechunkError as error:
-        raise StoreError(
-            f"{path}: no usable store ({str(error).splitlines()[0]}); give the folder of a run, or remove this store and "
-            "run the block again"
+        _raise_if_unavailable(path, error)
+        reason = str(error).splitlines()[0].strip(" x")
+        if "repository doesn't exist" in reason:
+            raise StoreError(f"{path}: holds no store; give the folder of a run") from error
+        raise LostStoreError(
+            f"{path}: cannot be opened ({reason}); see to its disk or network; `streetloom doctor "
+            f"{shlex.quote(str(path.parent))}` says whether it is damaged"
         ) from error
     repository.path = path
     return repository
+
+
+def _create_if_missing(storage: icechunk.Storage) -> None:
+    """Create a repository; one whose creation a bucket answered too late is there."""
+    try:
+        Repository.open_or_create(storage)
+    except icechunk.IcechunkError:
+        if not Repository.exists(storage):
+            raise
+
+
+def _raise_if_unavailable(path: StoreLocation, error: icechunk.IcechunkError) -> None:
+    if is_bucket_unavailable(error):
+        raise BucketUnavailableError(f"{path}: {BUCKET_UNAVAILABLE}") from error
 
 
 def open_root(session: icechunk.Session) -> StoreGroup:
@@ -190,7 +224,8 @@ def read_format(group: StoreGroup) -> int | None:
 
 def write_table(session: icechunk.Session, group: str, table: xr.Dataset) -> None:
     """Write a table, a Dataset with one dimension per kind of row, over a group."""
-    table.to_zarr(session.store, group=group, mode="w", consolidated=False)
+    encoding = {name: {"compressors": COMPRESSORS} for name in table.variables}
+    table.to_zarr(session.store, group=group, mode="w", encoding=encoding, consolidated=False)
 
 
 def open_table(session: icechunk.Session, group: str) -> xr.Dataset:
@@ -217,17 +252,27 @@ def commit(session: icechunk.Session, message: str) -> str:
     """
     branch = session.branch or BRANCH  # a committed session has none
     repository: Repository = session.repository  # type: ignore[attr-defined]
-    changes = session.status()
+    changes, token = session.status(), uuid.uuid4().hex
     with _commit_lock:
         if (still := _commit_guards.get(repository.path)) is not None:
             still()
         try:
             # moves the branch if its tip is the session's base, else rebases the session onto the tip and retries
-            snapshot = session.commit(message, rebase_with=icechunk.ConflictDetector())
-        except icechunk.RebaseFailedError as error:
-            raise StoreError(
-                f"{message}: another unit wrote the same chunk ({error}); units must not share one"
-            ) from error
+            snapshot = session.commit(message, {TOKEN: token}, rebase_with=icechunk.ConflictDetector())
+        except (icechunk.IcechunkError, icechunk.RebaseFailedError) as error:
+            if (made := _find_commit(repository, branch, token)) is None:
+                if isinstance(error, icechunk.RebaseFailedError):
+                    raise StoreError(
+                        f"{message}: another unit wrote the same chunk ({error}); units must not share one"
+                    ) from error
+                if CLOCK_ERROR in str(error):
+                    times = str(error).partition(CLOCK_ERROR)[2].splitlines()[0]
+                    raise MachineError(
+                        f"{repository.path}: the clock of this machine is behind the last commit ({times.strip('. ')}); "
+                        "set the clock, and run again: what is done is kept"
+                    ) from None
+                raise
+            snapshot = made
         tip = repository.lookup_branch(branch)
         update_cached_journals(repository.path, repository.lookup_snapshot(snapshot).parent_id, snapshot, changes)
     if tip != snapshot:
@@ -236,6 +281,15 @@ def commit(session: icechunk.Session, message: str) -> str:
             "and run again"
         )
     return snapshot
+
+
+def _find_commit(repository: Repository, branch: str, token: str) -> str | None:
+    """Return the tip of a branch if it is the commit with this token: a bucket may lose the answer to a write that it did."""
+    try:
+        tip = repository.lookup_branch(branch)
+        return tip if repository.lookup_snapshot(tip).metadata.get(TOKEN) == token else None
+    except icechunk.IcechunkError:
+        return None
 
 
 @contextmanager

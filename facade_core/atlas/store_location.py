@@ -32,6 +32,9 @@ class BucketFolder(Protocol):
     def sizes(self) -> dict[str, int]:
         """Return the size in bytes of every object below the folder, by path."""
 
+    def read_bytes(self) -> bytes:
+        """Return the bytes of an object."""
+
     def write_text(self, text: str, /) -> object:
         """Write an object in one step."""
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import StoreError
-from facade_core.core.zarr_types import StoreArray, StoreGroup
+from facade_core.core.zarr_types import COMPRESSORS, StoreArray, StoreGroup
 
 # dtype of strings of any length.
 STRING_DTYPE = "string"
@@ -77,6 +77,7 @@ class ArraySpec:
             chunks=tuple(axes[dim].chunk for dim in self.dims),
             dtype=self.dtype,
             dimension_names=self.dims,
+            compressors=COMPRESSORS,
             fill_value="" if self.dtype == STRING_DTYPE else 0,
             attributes=self.attrs,
             overwrite=True,

@@ -51,5 +51,12 @@ class MachineError(FacadeError):
     """Fault of the machine, not of the input: full disk, no memory, failing store. The unit itself may be sound."""
 
 
+BUCKET_UNAVAILABLE = "its bucket does not answer; run again later: what is done is kept"
+
+
+class BucketUnavailableError(MachineError):
+    """Bucket that does not answer now. Committed units stay."""
+
+
 class LostStoreError(StoreError, MachineError):
     """Store that can no longer be read, by no fault of the user."""

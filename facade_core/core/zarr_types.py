@@ -24,6 +24,26 @@ class OrthogonalIndex(Protocol):
     def __setitem__(self, selection: object, values: object) -> None: ...
 
 
+# Compression of chunks, with a checksum: a chunk with a flipped bit is not decoded to other values, but refused.
+COMPRESSORS = ({"name": "zstd", "configuration": {"level": 0, "checksum": True}},)
+# What zarr's codecs say of a chunk that is cut or garbled.
+_DECODING_ERROR = "decompression error"
+
+
+def is_decoding_error(error: BaseException) -> bool:
+    """Return whether an error is that a chunk was read and cannot be decoded: it is damaged."""
+    return _DECODING_ERROR in str(error)
+
+
+# What Icechunk says where a bucket answers with an error of its own, or not at all.
+_UNAVAILABLE_ERRORS = ("object store service error", "object store dispatch failure", "object store timeout")
+
+
+def is_bucket_unavailable(error: BaseException) -> bool:
+    """Return whether an error of a store is that its bucket does not answer."""
+    return any(text in str(error) for text in _UNAVAILABLE_ERRORS)
+
+
 class StoreArray(Protocol):
     """Protocol of zarr.Array; reading returns numpy arrays, of no dimension for one element."""
 

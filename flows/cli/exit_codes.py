@@ -8,7 +8,7 @@ import traceback
 from datetime import UTC, datetime
 
 from catalogs.imagery.http_client import ServiceUnavailableError
-from facade_core.core.errors import FacadeError, MachineError
+from facade_core.core.errors import BucketUnavailableError, FacadeError, MachineError
 
 # Invalid input; then from sysexits.h: internal or machine error; cluster or imagery service unavailable.
 EXIT_UNUSABLE = 2
@@ -35,13 +35,14 @@ def exit_code_and_message(error: Exception) -> tuple[int, str]:
     from tasks.engine.outcome import is_machine_fault, machine_error
 
     if is_machine_fault(error):
-        return EXIT_CRASHED, str(machine_error("stopped", error))
+        fault = machine_error("stopped", error)
+        return _exit_code(fault), str(fault)
     message = " ".join(f"{type(error).__name__}: {error}".split())
     return EXIT_CRASHED, f"stopped by an error of its own ({message}); {_locate_traceback(error)}"
 
 
 def _exit_code(error: FacadeError) -> int:
-    if isinstance(error, ServiceUnavailableError):
+    if isinstance(error, ServiceUnavailableError | BucketUnavailableError):
         return EXIT_UNAVAILABLE
     if not isinstance(error, MachineError):
         return EXIT_UNUSABLE

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,6 +22,14 @@ def refuse_python_without_checks() -> None:
     if sys.flags.optimize:
         print_notice("Python's -O and PYTHONOPTIMIZE leave out checks; run it without them")
         sys.exit(EXIT_UNUSABLE)
+
+
+def refuse_closed_streams() -> None:
+    """End the process if standard output or error is closed: the next file that is opened would take its place."""
+    if sys.stdout is None or sys.stderr is None:
+        if sys.stderr is not None:
+            print_notice("standard output is closed; send it to a file, or to /dev/null")
+        os._exit(EXIT_UNUSABLE)
 
 
 def note_first_run() -> None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from flows.cli.output import print_line
+from flows.cli.output import print_line, print_notice
 from flows.cli.paths import EXISTING_OUT
 
 if TYPE_CHECKING:
@@ -35,12 +35,16 @@ def metrics(out: Folder, otlp: str | None) -> None:
 
     if not (runs := find_runs_with_store(out)):
         raise InputError(f"{out}: holds no run; {publish_hint(out, 'makes one')}")
+    registry, left_out = collect_metrics(runs)
+    for line in left_out:
+        print_notice(line)
     if otlp is None:
-        click.echo(generate_latest(collect_metrics(runs)).decode(), nl=False)
+        click.echo(generate_latest(registry).decode(), nl=False)
         return
     try:
         from tasks.otlp import send_metrics
     except ModuleNotFoundError as error:
         raise InputError(f"--otlp needs {error.name}; install it with: pip install 'streetloom[otlp]'") from error
-    count = send_metrics(collect_metrics(runs), otlp)
-    print_line(f"{redact_url(otlp)}: took {count} values of {len(runs)} run{'s' if len(runs) > 1 else ''}")
+    count_runs = len(runs) - len(left_out)
+    count = send_metrics(registry, otlp)
+    print_line(f"{redact_url(otlp)}: took {count} values of {count_runs} run{'s' if count_runs > 1 else ''}")

@@ -16,16 +16,31 @@ DATABASE_NAME = "prefect.db"
 
 
 def restore_database(home: Path) -> bool:
-    """Copy the cached database into `home` unless it has one; return whether `home` has one now."""
+    """Copy the cached database into `home` unless it has one; return whether `home` has one now. Damaged ones count as none."""
     database = home / DATABASE_NAME
-    if not database.is_file():
-        temporary = database.with_suffix(".tmp")
-        try:
-            shutil.copyfile(_cached_database(), temporary)
-            temporary.replace(database)
-        except (OSError, InputError):  # no readable cache: the server creates its own
+    if database.is_file():
+        if _is_whole(database):
+            return True
+        for suffix in ("", "-wal", "-shm"):
+            Path(f"{database}{suffix}").unlink(missing_ok=True)
+    temporary = database.with_suffix(".tmp")
+    try:
+        shutil.copyfile(_cached_database(), temporary)
+        if not _is_whole(temporary):
+            temporary.unlink()
             return False
+        temporary.replace(database)
+    except (OSError, InputError):  # no readable cache: the server creates its own
+        return False
     return True
+
+
+def _is_whole(database: Path) -> bool:
+    try:
+        with closing(sqlite3.connect(database)) as file:
+            return bool(file.execute("PRAGMA quick_check").fetchone() == ("ok",))
+    except sqlite3.Error:
+        return False
 
 
 def cache_database(home: Path) -> None:

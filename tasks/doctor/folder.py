@@ -32,6 +32,7 @@ from tasks.doctor.findings import Finding
 from tasks.engine.forecast import NOTHING_PENDING, forecast_work
 from tasks.engine.run_key import create_run
 from tasks.engine.stage import read_journals
+from tasks.engine.store.carry_over import has_all_stages
 from tasks.engine.store.digests import find_differing_units
 from tasks.engine.store.integrity import find_lost_units, is_store_marked_suspect, mark_store_suspect
 from tasks.engine.store.status import explain_unpublished, read_run_block_file
@@ -69,9 +70,11 @@ def examine_folder(out: Folder) -> Iterator[Finding]:
         return
     yield _check_units(attrs, records, again)
     yield from _list_input_notes(attrs)
-    yield from _check_store(out, repository, session, group, again)
+    store_findings = list(_check_store(out, repository, session, group, again))
+    yield from store_findings
     yield from _check_published(out, session.snapshot_id, again)
-    yield _check_stale(out, source, group)
+    if all(finding.is_well is not False for finding in store_findings):
+        yield _check_stale(out, source, group)
 
 
 def _check_units(attrs: Mapping[str, object], records: dict[str, list[Record | None]], again: str) -> Finding:
@@ -99,10 +102,9 @@ def _check_store(
     """Compare records with arrays: sizes and listings, then every chunk, then a sample of digests."""
     store = out / "store"
     remedy = f"{again} repairs this"
-    lost_units = find_lost_units(session)
-    if lost_units:
-        summary = ", ".join(f"{len(units)} {stage}" for stage, units in lost_units.items())
-        yield Finding("store", False, f"records without their data: {summary}; {remedy}")
+    if not has_all_stages(group):
+        yield Finding("store", False, f"tables of the plan are missing; {remedy}")
+        return
     if tags := find_broken_tags(repository, store):
         yield Finding("store", False, f"{len(tags)} tags cannot be read; {again} removes them")
     if lost := find_unreadable_chunks(session):
@@ -111,6 +113,9 @@ def _check_store(
         count = sum(len(chunks) if chunks else 1 for chunks in lost.values())
         yield Finding("store", False, f"{count} chunks of {', '.join(sorted(lost)[:3])} cannot be read; {remedy}")
         return
+    if lost_units := find_lost_units(session):
+        summary = ", ".join(f"{len(units)} {stage}" for stage, units in lost_units.items())
+        yield Finding("store", False, f"records without their data: {summary}; {remedy}")
     plan = read_plan(session)
     if wrong := find_differing_units(group, plan, MAX_VERIFIED_UNITS):
         mark_store_suspect(out)
@@ -134,6 +139,8 @@ def _check_published(out: Folder, newest: str | None, again: str) -> Iterator[Fi
     if current is None:
         yield Finding("published", False, f"`current` names no existing snapshot; {again} publishes")
     elif fault := find_snapshot_damage(current.folder, thorough=True):
+        if not find_snapshot_damage(current.folder):  # no size shows it: the next run compares digests
+            mark_store_suspect(out)
         yield Finding("published", False, f"{current.id}: {fault}; {again} publishes it again")
     elif newest is not None and (fault := explain_unpublished(out, newest)):
         yield Finding(

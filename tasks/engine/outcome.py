@@ -16,7 +16,15 @@ from zarr.errors import BaseZarrError
 
 from catalogs.printable_text import escape_invisible
 from facade_core.atlas.journal import Record
-from facade_core.core.errors import FacadeError, MachineError, ModelFileError, StoreError
+from facade_core.core.errors import (
+    BUCKET_UNAVAILABLE,
+    BucketUnavailableError,
+    FacadeError,
+    MachineError,
+    ModelFileError,
+    StoreError,
+)
+from facade_core.core.zarr_types import is_bucket_unavailable, is_decoding_error
 
 log = logging.getLogger(__name__)
 
@@ -49,8 +57,6 @@ MACHINE_ERROR_TYPES = (
     icechunk.IcechunkError,
     BaseZarrError,
 )
-# What zarr's codecs say of a chunk that is cut or garbled.
-DAMAGE_TEXTS = ("decompression error",)
 # How libraries put into words what they do not give a number or a type.
 NO_MEMORY_TEXTS = ("Insufficient memory", "Failed to allocate memory", "bad_alloc", "can't start new thread")
 
@@ -181,6 +187,8 @@ def machine_error(doing: str, error: BaseException) -> MachineError:
     said = next((one for one in chain if isinstance(one, MachineError)), None)
     if said is not None:
         return MachineError(f"{doing}: {said}") if type(said) is MachineError else said
+    if any(map(is_bucket_unavailable, chain)):
+        return BucketUnavailableError(f"{doing}: {BUCKET_UNAVAILABLE}")
     number = next((number for one in chain if (number := _error_number(one)) is not None), None)
     first = next(filter(_is_machine_error, chain), error)
     if number in DISK_ERRORS:
@@ -203,7 +211,7 @@ def is_store_fault(error: BaseException) -> bool:
 
 def is_damaged_chunk(error: BaseException) -> bool:
     """Return whether an error, or its cause, is that a chunk of a store cannot be decoded."""
-    return any(_mentions(one, DAMAGE_TEXTS) for one in _error_chain(error))
+    return any(map(is_decoding_error, _error_chain(error)))
 
 
 @contextmanager
@@ -223,7 +231,8 @@ def _is_machine_error(error: BaseException) -> bool:
     return (
         isinstance(error, MACHINE_ERROR_TYPES)
         or _error_number(error) is not None
-        or _mentions(error, NO_MEMORY_TEXTS + DAMAGE_TEXTS)
+        or _mentions(error, NO_MEMORY_TEXTS)
+        or is_decoding_error(error)
     )
 
 

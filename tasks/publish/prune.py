@@ -8,12 +8,12 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from catalogs.published import object_store
-from catalogs.published.file_list import FILE_LIST_NAME, read_predecessor, update_file_list
+from catalogs.published.file_list import FILE_LIST_NAME, read_predecessor, replace_files
 from catalogs.published.folders import Folder, remove_path
 from catalogs.published.runs import publish_hint
 from catalogs.published.s3 import S3Path
 from catalogs.published.snapshot import SnapshotFolder, find_current_snapshot
-from catalogs.stac.versions import remove_dead_version_links
+from catalogs.stac.versions import find_dead_version_links
 from facade_core.atlas.integrity import has_all_files
 from facade_core.atlas.store import expire_snapshots, open_repository
 from facade_core.core.errors import FacadeError, InputError
@@ -23,7 +23,7 @@ LEFTOVER_PATTERNS = (
     "published/.*.tmp",
     ".current.tmp",
     ".latest.tmp",
-    "published/*/.files.json.*.tmp",
+    "published/*/**/.*.tmp",
     ".catalog.json.*.tmp",
     ".seen-*",
     ".doctor-*.tmp",
@@ -69,8 +69,8 @@ def prune_snapshots(out: Folder, keep: int, read_for: timedelta = READER_GRACE) 
                 continue
             _remove_snapshot(published, name)
             gone += 1
-    for name, paths in remove_dead_version_links(published).items():
-        update_file_list(published / name, paths)
+    for name, contents in find_dead_version_links(published):
+        replace_files(published / name, contents)
     for tag in repository.list_tags():
         if tag.startswith("street-"):  # of stores of 0.1.0
             repository.delete_tag(tag)

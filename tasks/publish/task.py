@@ -77,12 +77,11 @@ def publish_block(run: Run, block_file: Path | None = None) -> JsonObject:
     )
     begin_stage("publish", STEP_COUNT)
     failures = PartialFailures()
-    if last != final or find_snapshot_damage(final.folder):
+    if last != final or find_snapshot_damage(final.folder, thorough=True):
         predecessor = read_predecessor(final.folder) if last == final else last.id if last else None
         temporary = _hidden_folder(snapshot_folder(local_run_folder(out), final.id), "tmp")
         temporary.mkdir(parents=True)
-        # a damaged snapshot is repaired: only files with the right digest are reused
-        files = SnapshotFileWriter(temporary, last.folder if last else None, verify_digests=last == final)
+        files = SnapshotFileWriter(temporary, last.folder if last else None)
         failures = _write_snapshot(run, session, files, block_file, predecessor, final.folder.parent)
         if failures.is_store_suspect:
             mark_store_suspect(out)

@@ -7,12 +7,19 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
+from catalogs.published.file_list import find_snapshot_damage
 from catalogs.published.snapshot import current_snapshot
+from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
+from flows.cli.commands import command_line
 from flows.run_entry import open_run
+from tasks.doctor import examine_folder
 from tasks.engine.run import Run
+from tasks.engine.store.integrity import repair_store
 from tasks.engine.store.status import completion_summary
 from tasks.publish.task import publish_block
+from tests.faults.test_damaged_stores import flip_bit
 
 pytestmark = pytest.mark.long
 
@@ -74,6 +81,54 @@ def test_what_is_damaged_is_not_taken_for_done_and_is_made_again(textured: tuple
     assert completion_summary(run) == done
     assert _contents(published) == _contents(kept / "published" / snapshot)
     assert sorted(path.name for path in (out / "published").iterdir()) == [snapshot]
+
+
+def test_a_flipped_bit_is_not_linked_into_the_next_snapshot_and_is_repaired_after_the_doctor(
+    textured: tuple[Path, Run], run: Run
+) -> None:
+    out = Path(run.out)
+    published = out / "published" / current_snapshot(out).id
+    kept = shutil.copytree(published, out.parent / "kept")
+    assert completion_summary(run) is not None
+    names = [path.relative_to(published).as_posix() for path in sorted(published.rglob("*")) if path.is_file()]
+    names = [name for name in names if name.endswith((".glb", ".jpg", ".webp", "index.html"))]
+    assert {"block.glb", "overview.glb", "pages/0000.jpg", "report/index.html"} < set(names)
+    for name in names:
+        flip_bit(published / name)
+    assert find_snapshot_damage(published) is None, "no size shows it"
+    assert "is not as it was written" in next(one.message for one in examine_folder(out) if one.concern == "published")
+    assert completion_summary(run) is None
+    assert repair_store(run) == []
+    publish_block.fn(run, textured[0])
+    assert _contents(published) == _contents(kept)
+    assert completion_summary(run) is not None
+    for name in names:
+        flip_bit(published / name)
+    session = open_repository(run.store).writable_session(BRANCH)
+    open_root(session).attrs["published_by"] = "other code"
+    commit(session, "published anew")
+    publish_block.fn(run, textured[0])
+    newer = out / "published" / current_snapshot(out).id
+    assert newer != published
+    again = _contents(newer)
+    assert {name: again[name] for name in names if name.endswith((".glb", ".jpg", ".webp"))} == {
+        name: data for name, data in _contents(kept).items() if name in names and not name.endswith(".html")
+    }
+
+
+def test_a_damaged_catalogue_is_named_with_the_remedy(run: Run) -> None:
+    items = current_snapshot(Path(run.out)).items
+    whole = items.read_bytes()
+    refused = 0
+    for place in range(100, len(whole) // 3, len(whole) // 40):
+        items.write_bytes(whole[:place] + b"\xa5" * 60 + whole[place + 60 :])
+        for words in ([run.out], [run.out, "--where", "height_m > 0"]):
+            said = CliRunner().invoke(command_line, ["query", *words])
+            assert said.exit_code in (0, 2), said.output
+            if said.exit_code:
+                assert "items.parquet cannot be read as Parquet; `streetloom run` publishes again" in said.stderr
+                refused += 1
+    assert refused
 
 
 def test_a_removed_link_to_the_newest_snapshot_is_made_again(textured: tuple[Path, Run], run: Run) -> None:

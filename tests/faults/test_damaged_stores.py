@@ -13,13 +13,20 @@ import numpy as np
 import pytest
 import zarr
 
-from facade_core.atlas.integrity import find_unreadable_chunks
+from facade_core.atlas.integrity import find_unreadable_chunks, has_all_files
 from facade_core.atlas.store import BRANCH, commit, open_repository
 from facade_core.core.errors import LostStoreError, MachineError, StoreError
 from flows.run_entry import handle_store_and_machine_faults
+from tasks.doctor import examine_folder
 from tasks.engine.outcome import machine_error
 from tasks.engine.run import Run
-from tasks.engine.store.integrity import find_lost_units, is_store_marked_suspect, mark_store_suspect, repair_store
+from tasks.engine.store.integrity import (
+    SUSPECT,
+    find_lost_units,
+    is_store_marked_suspect,
+    mark_store_suspect,
+    repair_store,
+)
 from tasks.engine.store.status import completion_summary
 from tasks.history import after_viewpoint
 from tests.pipeline.stages import digests_of, redone, started, stored_view, texture
@@ -37,6 +44,25 @@ def changed(store: Path, change: Callable[[Any], None]) -> None:
     session = open_repository(store).writable_session(BRANCH)
     change(zarr.open_group(session.store))
     commit(session, "a wound")
+
+
+def flip(run: Run, path: str) -> None:
+    """Flip one bit in a chunk of an array, or in the manifest that holds a small one."""
+    folders = [run.store / name for name in ("chunks", "manifests")]
+    before = {file for folder in folders for file in folder.iterdir()}
+
+    def write_again(group: Any) -> None:
+        group[path][...] = group[path][...]
+
+    changed(run.store, write_again)
+    written = ([file for file in folder.iterdir() if file not in before] for folder in folders)
+    flip_bit(max(next(filter(None, written)), key=lambda file: file.stat().st_size))
+
+
+def flip_bit(file: Path, place: float = 0.5) -> None:
+    data = bytearray(file.read_bytes())
+    data[int(len(data) * place)] ^= 1
+    file.write_bytes(data)
 
 
 def lose_view(group: Any) -> None:
@@ -138,7 +164,8 @@ def test_where_nothing_can_be_read_the_way_out_is_said(run: Run) -> None:
         cut(snapshot)
     assert completion_summary(run) is None
     with pytest.raises(
-        LostStoreError, match=r"store: cannot be read \(.*\), nor any earlier snapshot; move .*store away"
+        LostStoreError,
+        match=r"store: cannot be read \(.*\), nor any earlier snapshot; restore a copy of it, or name another",
     ):
         repair_store(run)
 
@@ -202,5 +229,56 @@ def test_a_store_that_is_no_folder_is_one_line(tmp_path: Path, what: str) -> Non
         store.touch()
     else:
         store.symlink_to(tmp_path / "nowhere")
-    with pytest.raises(LostStoreError, match="store: is no folder; remove it"):
+    with pytest.raises(LostStoreError, match="store: is no folder; mount what it links to"):
         open_repository(store, create=True)
+
+
+@pytest.mark.parametrize(
+    ("path", "said", "anew"),
+    [
+        ("mesh/vertices", "tables mesh cannot be read; they are made again", set()),
+        ("charts/origin", "tables charts cannot be read; they are made again", None),
+        ("journal/facades", None, {"facades"}),
+        ("journal/surfaces", None, {"surfaces"}),
+        ("atlas/colour", "they are due again", {"surfaces"}),
+        ("atlas/street_views", "they are due again", {"surfaces"}),
+    ],
+)
+@pytest.mark.long
+def test_a_flipped_bit_is_repaired_by_the_next_run(
+    textured: tuple[Path, Run], run: Run, path: str, said: str | None, anew: set[str] | None
+) -> None:
+    out = Path(run.out)
+    wanted, before = digests_of(out), started(out)
+    flip(run, path)
+    assert has_all_files(open_repository(run.store), run.store), "no size shows it"
+    findings = [finding.message for finding in examine_folder(out) if finding.is_well is False]
+    assert any(f"1 chunks of {path} cannot be read; `streetloom run" in line for line in findings)
+    assert is_store_marked_suspect(out)
+    if said is None:
+        (out / SUSPECT).unlink()  # the run sees it without the doctor
+    lines = repair_store(run)
+    assert len(lines) == (said is not None)
+    assert all(line.endswith(said or "") for line in lines)
+    texture(textured[0], out)
+    assert digests_of(out) == wanted
+    assert {stage for stage, _ in redone(before, out)} == ({stage for stage, _ in before} if anew is None else anew)
+    assert find_unreadable_chunks(open_repository(run.store).readonly_session(BRANCH)) == {}
+
+
+def test_no_flipped_bit_of_a_chunk_is_taken_for_other_values(run: Run) -> None:
+    path = "atlas/seed"
+    wanted = _group(open_repository(run.store).readonly_session(BRANCH))[path][...]
+    before = set((run.store / "chunks").iterdir())
+
+    def write_again(group: Any) -> None:
+        group[path][0] = wanted[0]
+
+    changed(run.store, write_again)
+    chunk = max(set((run.store / "chunks").iterdir()) - before, key=lambda file: file.stat().st_size)
+    whole = chunk.read_bytes()
+    for place in np.linspace(0, 0.999, 60):
+        chunk.write_bytes(whole)
+        flip_bit(chunk, place)
+        with pytest.raises(RuntimeError, match="decompression error"):
+            _group(open_repository(run.store).readonly_session(BRANCH))[path][...]

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
 from facade_core.core.errors import MachineError
+from flows.cli.commands import command_line
 from tasks.engine.outcome import convert_machine_faults
+from tasks.engine.run import Run
 from tasks.engine.store import disk_space
 from tasks.engine.store.commits import read_newest_journal
 from tasks.engine.store.disk_space import RESERVED_BYTES, require_disk_space
@@ -89,3 +93,23 @@ def test_the_command_says_what_room_it_needs(disk: Path, tmp_path: Path) -> None
     assert line.startswith(f"streetloom: {disk}/out: needs about 50 MB of space and its disk has 0 MB free; ")
     assert done.stdout == ""
     assert not (disk / "out" / "store").exists()
+
+
+def test_a_disk_that_fills_while_a_geopackage_is_written(textured: tuple[Path, Run], disk: Path) -> None:
+    words = ["export", textured[1].out, "--format", "gpkg", "--to", str(disk / "map.gpkg")]
+    subprocess.run(["mount", "-o", "remount,size=100k", disk], check=True)
+    said = CliRunner().invoke(command_line, words)
+    assert said.exit_code == 70
+    assert said.stderr.splitlines()[-1].endswith("free some space, or name another place")
+    assert list(disk.iterdir()) == []
+    subprocess.run(["mount", "-o", "remount,size=64m", disk], check=True)
+    assert CliRunner().invoke(command_line, words).exit_code == 0
+
+
+def test_a_closed_standard_output_is_one_line(tmp_path: Path) -> None:
+    line = [sys.executable, "-m", "flows", "--version"]
+    done = subprocess.run(
+        ["bash", "-c", 'exec "$@" >&-', "bash", *line], cwd=ROOT, stderr=subprocess.PIPE, text=True, timeout=100
+    )
+    assert done.returncode == 2
+    assert done.stderr == "streetloom: standard output is closed; send it to a file, or to /dev/null\n"

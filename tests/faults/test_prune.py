@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from pathlib import Path
+from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
@@ -93,6 +95,30 @@ def test_older_snapshots_go_with_what_only_they_hold(textured: tuple[Path, Run],
     assert completion_summary(run) == done
     links = json.loads((published / second / "stac" / "blocks" / "collection.json").read_text())["links"]
     assert not [link for link in links if "version" in link["rel"]]
+
+
+@pytest.mark.parametrize("kill_at", [2, 15, 30])
+def test_a_prune_that_is_killed_and_repeated_leaves_a_whole_snapshot(
+    textured: tuple[Path, Run], run: Run, monkeypatch: pytest.MonkeyPatch, kill_at: int
+) -> None:
+    out, moved = Path(run.out), os.replace
+    published_again(run, textured[0])
+    calls = 0
+
+    def kill(*paths: Any) -> None:
+        nonlocal calls
+        calls += 1
+        if calls >= kill_at:
+            raise SystemExit
+        moved(*paths)
+
+    monkeypatch.setattr(os, "replace", kill)
+    with pytest.raises(SystemExit):
+        prune_snapshots(out, 1)
+    monkeypatch.setattr(os, "replace", moved)
+    prune_snapshots(out, 1)
+    assert find_snapshot_damage(current_snapshot(out).folder, thorough=True) is None
+    assert not list((out / "published").rglob(".*.tmp"))
 
 
 def test_what_is_kept_is_the_newest_and_a_run_prunes_too(textured: tuple[Path, Run], run: Run) -> None:

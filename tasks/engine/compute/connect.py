@@ -26,7 +26,7 @@ from tasks.engine.compute.worker_setup import (
 )
 
 if TYPE_CHECKING:
-    from distributed import Client, LocalCluster
+    from distributed import Client, LocalCluster, WorkerPlugin
 
 log = logging.getLogger(__name__)
 
@@ -49,6 +49,8 @@ _DASK_SETTINGS = {
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "5s",
 }
+# How often workers are set up if some die meanwhile.
+PLUGIN_TRIES = 5
 START_SCHEDULER = (
     "start one with `dask scheduler` and `dask worker ADDRESS`, or leave --dask out to use local processes"
 )
@@ -103,7 +105,7 @@ def connect(
         cluster = Cluster(client, until, timeouts)
         name = f"streetloom {client.id}"  # of this run alone: another one on the same scheduler has its own
         client.register_plugin(worker_plugin_remover(client.id, name), name=name)
-        client.register_plugin(worker_setup_plugin(asked), name=name)
+        _register_plugin(client, worker_setup_plugin(asked), name)
         yield cluster
 
 
@@ -140,8 +142,27 @@ def _start_local_client(workers: int) -> Iterator[Client]:
         _start_local_cluster(workers) as cluster,
         Client(cluster, set_as_default=False) as client,
     ):
-        client.register_plugin(worker_setup_plugin(), name="streetloom")
+        _register_plugin(client, worker_setup_plugin(), "streetloom")
         yield client
+
+
+def _register_plugin(client: Client, plugin: WorkerPlugin, name: str) -> None:
+    """Register a plugin of workers; again if one dies meanwhile, in whose place another starts.
+
+    Raises
+    ------
+    ClusterGoneError : workers die each time.
+    """
+    from distributed.comm.core import CommClosedError
+
+    cause: Exception | None = None
+    for _ in range(PLUGIN_TRIES):
+        try:
+            client.register_plugin(plugin, name=name)
+            return
+        except CommClosedError as error:
+            cause = error
+    raise ClusterGoneError from cause
 
 
 @contextmanager

@@ -15,15 +15,23 @@ import numpy as np
 from catalogs.block.reader import Block
 from facade_core.atlas.arrays import STAGE_ARRAYS, STORE_FORMAT, clear_rasters, resize_arrays
 from facade_core.atlas.journal import Record, clear_record, journal_path
-from facade_core.atlas.store import BRANCH, commit, open_repository, open_root, read_format
+from facade_core.atlas.store import (
+    BRANCH,
+    commit,
+    open_repository,
+    open_root,
+    open_root_of_any_format,
+    read_format,
+)
 from facade_core.atlas.stored_files import FOLDERS, delete_stored_files_except
+from facade_core.atlas.table_schema import TABLES
 from facade_core.core.arrays import BoolArray
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.errors import StoreError
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.chart_packing import PreviousChartPlacements
 from facade_core.plan.plan import Plan
-from facade_core.plan.plan_tables import read_plan
+from facade_core.plan.plan_tables import placement_from_table, read_plan, read_table
 from tasks.engine.run import Run
 from tasks.engine.stage import (
     Records,
@@ -34,6 +42,9 @@ from tasks.engine.stage import (
     read_journals,
     stored_files,
 )
+
+# Reason of a fresh ingest over a store that was made for the same settings.
+UNREADABLE = "what the store holds cannot be read"
 
 
 @dataclass(frozen=True)
@@ -76,7 +87,7 @@ def fresh_ingest_reason(run: Run, group: StoreGroup) -> str | None:
         )
     if held["crs"] != run.crs:
         changed.append(f"the block's frame was {held['crs']} and is {run.crs}")
-    return " and ".join(changed) or "what the store holds cannot be read"
+    return " and ".join(changed) or UNREADABLE
 
 
 def read_last_ingest(run: Run, repository: icechunk.Repository) -> LastIngest | None:
@@ -93,6 +104,16 @@ def read_last_ingest(run: Run, repository: icechunk.Repository) -> LastIngest | 
         return LastIngest(group, read_plan(session))
     except (KeyError, FileNotFoundError, StoreError):
         return None
+
+
+def read_last_places(run: Run, repository: icechunk.Repository) -> PreviousChartPlacements | None:
+    """Read the charts and their places of the last ingest, of which other tables are lost; None as `read_last_ingest`."""
+    session = repository.readonly_session(BRANCH)
+    group = open_root_of_any_format(session)
+    if fresh_ingest_reason(run, group) != UNREADABLE or "charts" not in group:
+        return None
+    charts = read_table(session, "charts")
+    return PreviousChartPlacements(charts["id"], placement_from_table(charts))
 
 
 def adapt_store_to_plan(root: StoreGroup, last: LastIngest, run: Run, block: Block, plan: Plan) -> None:
@@ -163,10 +184,11 @@ def unit_counts(block: Block, plan: Plan) -> dict[str, int]:
 
 
 def has_all_stages(group: StoreGroup) -> bool:
-    """Return whether a store has a journal for every stage and every folder of files; older stores may lack some."""
-    return all(journal_path(stage.stage) in group for stage in all_stages()) and all(
-        folder in group for folder in FOLDERS
-    )
+    """Return whether a store has the plan, a journal for every stage and every folder of files.
+
+    Older stores may lack some, and damaged ones tables of the plan.
+    """
+    return all(path in group for path in (*TABLES, *FOLDERS, *(journal_path(stage.stage) for stage in all_stages())))
 
 
 def delete_unit_results(run: Run, plan: Plan, stage: str, units: Mapping[int, Sequence[int]]) -> None:

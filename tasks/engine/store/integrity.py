@@ -13,18 +13,21 @@ import icechunk
 from catalogs.published.folders import Folder
 from facade_core.atlas.arrays import clear_rasters
 from facade_core.atlas.integrity import (
+    DAMAGE_ERRORS,
     find_broken_tags,
     find_unreadable_chunks,
     has_all_files,
+    require_readable_files,
     roll_back_to_readable,
 )
 from facade_core.atlas.journal import clear_record
-from facade_core.atlas.store import BRANCH, commit, open_repository, open_root, open_root_of_any_format
-from facade_core.atlas.stored_files import FOLDERS
+from facade_core.atlas.store import BRANCH, Repository, commit, open_repository, open_root, open_root_of_any_format
+from facade_core.atlas.store_location import StoreLocation
+from facade_core.atlas.table_schema import TABLES
 from facade_core.core.errors import StoreFormatError
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
-from facade_core.plan.plan_tables import read_plan
+from facade_core.plan.plan_tables import read_plan, read_table
 from tasks.engine.run import Run
 from tasks.engine.stage import (
     Records,
@@ -37,8 +40,6 @@ from tasks.engine.store.digests import find_differing_units
 from tasks.engine.store.missing_chunks import find_units_with_missing_chunks
 from tasks.engine.store.unreadable import charts_of_records, empty_unreadable_chunks
 
-# Folders of the store that units restore, with those of stages and of files; all else is the plan.
-PAGE_FOLDERS = ("atlas", "facade_maps", "journal")
 # File in a run's folder that requests a check of everything in its store.
 SUSPECT = ".suspect"
 # Units of a stage that are named in a line at most.
@@ -80,15 +81,8 @@ def repair_store(run: Run) -> list[str]:
     """
     if not run.store.is_dir():
         return []
-    said = _repair(run, thorough=is_store_marked_suspect(run.folder))
-    (run.folder / SUSPECT).unlink(missing_ok=True)
-    return said
-
-
-def _repair(run: Run, *, thorough: bool) -> list[str]:
-    """Repair a store. With `thorough` every chunk is read and compared with its record."""
     said = []
-    if back := roll_back_to_readable(run.store, _read_plan_tables):
+    if back := roll_back_to_readable(run.store, _read_folders):
         said.append(
             f"{run.store}: the newest snapshot cannot be read ({back.reason}); the run goes on from that of "
             f"{back.written_at:%Y-%m-%d %H:%M:%S} UTC, and later work is pending again"
@@ -105,12 +99,59 @@ def _repair(run: Run, *, thorough: bool) -> list[str]:
         return said
     if group.attrs.get("block", run.block) != run.block:
         return said
+    if damaged := _remove_damaged_tables(run.store, session, group):  # the ingest makes them again
+        return [*said, f"{run.store}: tables {', '.join(damaged)} cannot be read; they are made again"]
+    is_suspect = is_store_marked_suspect(run.folder)
+    try:
+        said += _repair(run.store, repository, session, group, thorough=is_suspect)
+    except DAMAGE_ERRORS:
+        if is_suspect:
+            raise
+        session.discard_changes()
+        said += _repair(run.store, repository, session, group, thorough=True)
+    (run.folder / SUSPECT).unlink(missing_ok=True)
+    return said
+
+
+def _remove_damaged_tables(store: StoreLocation, session: icechunk.Session, group: StoreGroup) -> list[str]:
+    """Remove tables of the plan that cannot be read; returns the names of missing ones."""
+    if damaged := _find_damaged_tables(session):
+        require_readable_files(store)
+        damaged = _find_damaged_tables(session)
+    for name in damaged:
+        if name in group:
+            del group[name]
+    if session.has_uncommitted_changes:
+        commit(session, f"mend: tables {', '.join(damaged)}")
+    return damaged
+
+
+def _find_damaged_tables(session: icechunk.Session) -> list[str]:
+    damaged = []
+    for name in TABLES:
+        try:
+            read_table(session, name)
+        except DAMAGE_ERRORS:
+            damaged.append(name)
+    return damaged
+
+
+def _repair(
+    store: StoreLocation,
+    repository: Repository,
+    session: icechunk.Session,
+    group: StoreGroup,
+    *,
+    thorough: bool,
+) -> list[str]:
+    """Repair a store whose plan can be read. With `thorough` every chunk is read and compared with its record."""
+    said = []
     due: dict[str, set[int]] = {}
-    if thorough or not has_all_files(repository, run.store):
-        for tag in find_broken_tags(repository, run.store):
+    if thorough or not has_all_files(repository, store):
+        for tag in find_broken_tags(repository, store):
             repository.delete_tag(tag)
-            said.append(f"{run.store}: tag {tag} cannot be read and is removed")
-        due = _empty_damaged_chunks(session, group, thorough=thorough)
+            said.append(f"{store}: tag {tag} cannot be read and is removed")
+        due = _empty_damaged_chunks(store, session, group, thorough=thorough)
     lost_units = find_lost_units(session)
     if not due and not lost_units:
         return said
@@ -118,14 +159,19 @@ def _repair(run: Run, *, thorough: bool) -> list[str]:
         due.setdefault(owner.stage, set()).update(lost_units.get(owner.stage, ()))
     if line := _delete_records(group, read_plan(session), due):
         commit(session, f"mend: {line}")
-        said.append(f"{run.store}: {line} lost what they made; they are due again")
+        said.append(f"{store}: {line} lost what they made; they are due again")
     return said
 
 
-def _empty_damaged_chunks(session: icechunk.Session, group: StoreGroup, *, thorough: bool) -> dict[str, set[int]]:
+def _empty_damaged_chunks(
+    store: StoreLocation, session: icechunk.Session, group: StoreGroup, *, thorough: bool
+) -> dict[str, set[int]]:
     """Empty unreadable chunks; returns by stage the units that wrote them, and with `thorough` those whose data differ."""
     plan = read_plan(session)
-    due = empty_unreadable_chunks(group, plan, find_unreadable_chunks(session))
+    if lost := find_unreadable_chunks(session):
+        require_readable_files(store)
+        lost = find_unreadable_chunks(session)
+    due = empty_unreadable_chunks(group, plan, lost)
     if thorough:
         for stage, units in find_differing_units(group, plan).items():
             due.setdefault(stage, set()).update(units)
@@ -161,14 +207,8 @@ def _describe(stage: Stage, records: Records, units: Sequence[int]) -> str:
     return f"{len(units)} {noun} ({', '.join(names)})"
 
 
-def _read_plan_tables(session: icechunk.Session) -> None:
-    """Read the parts of a snapshot that units cannot restore."""
+def _read_folders(session: icechunk.Session) -> None:
+    """Read the attributes of a snapshot's folders: ingest and units restore what else it holds."""
     group = open_root_of_any_format(session)
-    restored = {*PAGE_FOLDERS, *FOLDERS}
-    for name, table in group.groups():
-        if name not in restored:
-            for _, array in table.arrays():
-                array[...]
-    for name in sorted(restored):
-        if name not in FOLDERS or name in group:
-            dict(group[name].attrs)
+    for name in sorted(name for name, _ in group.groups()):
+        dict(group[name].attrs)

@@ -9,7 +9,7 @@ from facade_core.atlas.arrays import STAGE_ARRAYS
 from facade_core.atlas.integrity import ChunkCoordinates
 from facade_core.atlas.journal import JOURNAL, Record, read_journal
 from facade_core.atlas.stored_files import FOLDERS
-from facade_core.core.zarr_types import StoreArray, StoreGroup
+from facade_core.core.zarr_types import COMPRESSORS, StoreArray, StoreGroup
 from facade_core.plan.plan import Plan
 from tasks.engine.stage import Records, all_stages, stored_files
 
@@ -80,6 +80,7 @@ def _empty_chunks(group: StoreGroup, path: str, array: StoreArray, chunks: Seque
         shape=array.shape,
         chunks=array.chunks,
         dtype=array.dtype,
+        compressors=COMPRESSORS,
         fill_value=array.fill_value,
         dimension_names=array.metadata.dimension_names,
         attributes=dict(array.attrs),

@@ -5,17 +5,29 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from difflib import get_close_matches
+from itertools import starmap
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 
 from catalogs.block.corrections import BUILDING_CORRECTION_KINDS
 from catalogs.features import safe_file_stem
 from facade_core.atlas.arrays import STORE_FORMAT, create_arrays
-from facade_core.atlas.store import BRANCH, commit, create_root, open_repository, open_root_of_any_format, read_format
+from facade_core.atlas.store import (
+    BRANCH,
+    Repository,
+    commit,
+    create_root,
+    open_repository,
+    open_root,
+    open_root_of_any_format,
+    read_format,
+)
 from facade_core.atlas.stored_files import EXEMPLARS
 from facade_core.core.zarr_types import get_subgroup
 from facade_core.geometry.charts import ChartKind
@@ -30,10 +42,12 @@ from tasks.engine.progress import begin_stage, report_progress
 from tasks.engine.run import Run
 from tasks.engine.stage_code import stage_code_digest
 from tasks.engine.store.carry_over import (
+    LastIngest,
     adapt_store_to_plan,
     fresh_ingest_reason,
     has_all_stages,
     read_last_ingest,
+    read_last_places,
     store_compatibility_settings,
     unit_counts,
 )
@@ -74,9 +88,11 @@ def ingest_block(run: Run, block: Block, each: ParallelMap = map_in_this_process
     if skipped:
         plan = read_plan(session)
     else:
-        last = read_last_ingest(run, repository)
         standing = plan_reuse_key(block)
-        same = last is not None and root.attrs.get("plan") == standing
+        same = root.attrs.get("plan") == standing
+        last = read_last_ingest(run, repository) or (
+            _restore_last_ingest(run, block, repository, each) if same else None
+        )
         plan = (
             update_plan_panoramas(block, last.plan)
             if last and same
@@ -126,6 +142,18 @@ def ingest_block(run: Run, block: Block, each: ParallelMap = map_in_this_process
         commit(session, f"ingest {run.block}")
     report_progress("ingest", 1)
     return PlanSummary(tuple(map(tuple, root.attrs["set_aside"])), float(root.attrs["ingested"]), skipped, anew)
+
+
+def _restore_last_ingest(run: Run, block: Block, repository: Repository, each: ParallelMap) -> LastIngest | None:
+    """Make the plan of the last ingest again, of which tables are lost; None if its charts lie elsewhere now."""
+    if (places := read_last_places(run, repository)) is None:
+        return None
+    plan = make_plan(block, places, each)
+    plan = place_pictured_facades(plan, places, photo_resolution(block, plan))
+    columns = ((getattr(one, field.name) for field in fields(one)) for one in (places.placement, plan.scene.placement))
+    if not np.array_equal(plan.ids, places.ids) or not all(starmap(np.array_equal, zip(*columns, strict=True))):
+        return None
+    return LastIngest(open_root(repository.readonly_session(BRANCH)), plan)
 
 
 def explain_missing_street_facades(plan: Plan) -> list[str]:

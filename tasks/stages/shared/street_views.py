@@ -9,7 +9,7 @@ import numpy as np
 
 from facade_core.atlas.journal import read_journal, unit_key
 from facade_core.atlas.stored_files import digest_stored_file, read_verified_array, street_view_path
-from facade_core.core.zarr_types import StoreGroup
+from facade_core.core.zarr_types import COMPRESSORS, StoreGroup
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.streets import Viewpoint
 from facade_core.plan.plan import Plan
@@ -78,6 +78,7 @@ def write_street_view(group: StoreGroup, plan: Plan, path: str, view: StreetView
         path,
         data=data,
         chunks=data.shape,
+        compressors=COMPRESSORS,
         dimension_names=("row", "column", "band"),
         attributes={"long_name": meaning},
         overwrite=True,

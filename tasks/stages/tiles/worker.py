@@ -19,7 +19,7 @@ from facade_core.atlas.stored_files import (
 from facade_core.core.arrays import Int64Array, UInt8Array
 from facade_core.core.errors import StoreError
 from facade_core.core.types import Element
-from facade_core.core.zarr_types import StoreGroup
+from facade_core.core.zarr_types import COMPRESSORS, StoreGroup
 from facade_core.export.bodies.textured_relief import add_relief
 from facade_core.export.models.textured_mesh import TexturedMesh, build_textured_mesh
 from facade_core.export.tiles.tile_model import EarlierTile, TileModel, build_tile_model
@@ -98,6 +98,7 @@ def write_tile(atlas: Atlas, unit: Unit[TileInputs], tile: TileModel) -> dict[st
         coarse,
         data=tile.coarse,
         chunks=tile.coarse.shape,
+        compressors=COMPRESSORS,
         dimension_names=(f"texel_of_{unit.name}", "band"),
         attributes={"long_name": f"charts of tile {unit.name} made smaller, one after the other"},
         overwrite=True,

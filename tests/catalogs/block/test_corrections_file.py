@@ -64,3 +64,17 @@ def test_a_hundred_thousand_lines_are_read_in_seconds(tmp_path: Path) -> None:
     begun = time.process_time()
     assert len(read_corrections(tmp_path / "b.yaml").by_target) == 100_000
     assert time.process_time() - begun < 15.0  # 2 seconds on an idle machine
+
+
+def test_a_linked_file_stays_linked_and_keeps_its_mode(tmp_path: Path) -> None:
+    (tmp_path / "shared").mkdir()
+    shared, link = tmp_path / "shared" / "all.jsonl", tmp_path / "b.corrections.jsonl"
+    shared.write_text('{"id": "a", "what": "height", "value": 9.0}\n')
+    shared.chmod(0o640)
+    link.symlink_to(shared)
+    append_corrections_to_file(tmp_path / "b.yaml", [Correction("b", "height", 8.0)])
+    assert link.readlink() == shared
+    assert len(shared.read_text().splitlines()) == 2
+    assert shared.stat().st_mode & 0o777 == 0o640
+    assert read_corrections(tmp_path / "b.yaml").value_correction("b", "height") == 8.0
+    assert [path.name for path in shared.parent.iterdir()] == ["all.jsonl"]

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-import pytest
-
 from catalogs.published.file_list import find_snapshot_damage, write_file_list
 from catalogs.published.reuse import SnapshotFileWriter
 
@@ -16,10 +14,10 @@ def never() -> bytes:
 
 
 def publish_snapshot(
-    folder: Path, earlier: Path | None, *, doubted: bool = False, **files: tuple[str, Callable[[], bytes]]
+    folder: Path, earlier: Path | None, **files: tuple[str, Callable[[], bytes]]
 ) -> SnapshotFileWriter:
     folder.mkdir()
-    made = SnapshotFileWriter(folder, earlier, doubted)
+    made = SnapshotFileWriter(folder, earlier)
     for name, (of, data) in files.items():
         made.add_file(f"pages/{name}", of, data)
     write_file_list(folder, None, source_digests=made.source_digests, known=made.linked)
@@ -43,10 +41,7 @@ def test_what_is_made_of_the_same_is_linked(tmp_path: Path) -> None:
     assert find_snapshot_damage(third, thorough=True) is None
 
 
-@pytest.mark.parametrize("doubted", [False, True])
-def test_what_is_lost_or_cut_is_made_again_and_what_is_garbled_where_it_is_doubted(
-    tmp_path: Path, doubted: bool
-) -> None:
+def test_what_is_lost_cut_or_garbled_is_made_again(tmp_path: Path) -> None:
     first, second = tmp_path / "1", tmp_path / "2"
     publish_snapshot(first, None, **{name: (name, lambda: b"whole") for name in ("kept", "lost", "cut", "garbled")})
     (first / "pages" / "lost").unlink()
@@ -55,16 +50,10 @@ def test_what_is_lost_or_cut_is_made_again_and_what_is_garbled_where_it_is_doubt
     made = publish_snapshot(
         second,
         first,
-        doubted=doubted,
         **{name: (name, lambda: b"whole") for name in ("kept", "lost", "cut", "garbled")},
     )
-    assert set(made.linked) == {"pages/kept"} | (set() if doubted else {"pages/garbled"})
-    assert {path.name for path in (second / "pages").iterdir() if path.read_bytes() == b"whole"} >= {
-        "kept",
-        "lost",
-        "cut",
-    }
-    assert ((second / "pages" / "garbled").read_bytes() == b"whole") == doubted
+    assert set(made.linked) == {"pages/kept"}
+    assert {path.read_bytes() for path in (second / "pages").iterdir()} == {b"whole"}
 
 
 def test_what_could_not_be_published_is_amiss(tmp_path: Path) -> None:

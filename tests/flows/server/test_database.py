@@ -38,9 +38,12 @@ def test_what_one_run_created_the_next_one_finds(tmp_path: Path) -> None:
 def test_a_run_goes_on_with_its_own(tmp_path: Path) -> None:
     server_database.cache_database(created(tmp_path / "first"))
     own = created(tmp_path / "own")
-    (own / "prefect.db").write_bytes(b"own")
+    with closing(sqlite3.connect(own / "prefect.db")) as database:
+        database.execute("create table own (id text)")
+        database.commit()
+    held = (own / "prefect.db").read_bytes()
     assert server_database.restore_database(own)
-    assert (own / "prefect.db").read_bytes() == b"own"
+    assert (own / "prefect.db").read_bytes() == held
 
 
 def test_where_nothing_can_be_kept_nothing_is_said(tmp_path: Path, cache: Path) -> None:
@@ -49,3 +52,16 @@ def test_where_nothing_can_be_kept_nothing_is_said(tmp_path: Path, cache: Path) 
     server_database.cache_database(tmp_path / "without")
     (tmp_path / "next").mkdir()
     assert not server_database.restore_database(tmp_path / "next")
+
+
+def test_a_cut_database_counts_as_none(tmp_path: Path, cache: Path) -> None:
+    server_database.cache_database(created(tmp_path / "first"))
+    (kept,) = (cache / "streetloom").iterdir()
+    own = created(tmp_path / "own") / "prefect.db"
+    own.write_bytes(own.read_bytes()[:4096])
+    assert server_database.restore_database(own.parent), "the cached one takes its place"
+    assert own.read_bytes() == kept.read_bytes()
+    kept.write_bytes(kept.read_bytes()[:4096])
+    own.unlink()
+    assert not server_database.restore_database(own.parent)
+    assert list(own.parent.iterdir()) == []
