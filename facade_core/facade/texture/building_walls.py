@@ -214,7 +214,8 @@ def _divide_into_bays(style: ExemplarAnalysis, wall: FacadeWall, scale: float) -
     """Return the ends of a wall's sections, metres, and their numbers of bays; none without room for a window."""
     bay = scale * float(np.diff(style.structure.bay_cuts).mean()) * (BAYS.back_bay_factor if wall.is_back else 1.0)
     window = scale * float(np.diff(style.structure.bays, axis=1).mean())
-    if wall.width < max(0.5 * bay, window + 2 * BAYS.window_margin_m):
+    least = BAYS.min_width_share * window if wall.on_street else max(0.5 * bay - 2 * BAYS.window_margin_m, window)
+    if wall.width < least + 2 * BAYS.window_margin_m:
         return [0.0, wall.width], []
     ends = _wall_sections(wall, bay)
     return ends, [max(1, round((right - left) / bay)) for left, right in pairwise(ends)]

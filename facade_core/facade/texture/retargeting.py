@@ -240,8 +240,8 @@ def initial_tiling(
     walks = {}
     for band, price in style.bay_price.items():
         if band == "ground" and style.doors.any():
-            most = max(1, round(int(style.doors.sum()) * count / bays / 1.5))
-            walks[band] = cheapest_walk(price * shake, *ends, count, marked=style.doors, max_marked=most)
+            houses = max(1, round(count / bays))  # of the exemplar's width, with one door each
+            walks[band] = cheapest_walk(price * shake, *ends, count, marked=style.doors, max_marked=houses)
         else:
             walks[band] = cheapest_walk(price * shake, *ends, count)
     if blank:

@@ -265,7 +265,7 @@ def _exemplar_floors(style: ExemplarAnalysis, pixels: int, count: int) -> tuple[
     heights = np.array([style.grid.rows[row.stop] - style.grid.rows[row.start] for row in rows], float)
     if len(own) > 1 and own[-1] < 0 and not style.structure.has_ground_band:
         own, heights = own[:-1], np.append(heights[:-2], heights[-2:].sum())
-    return own, heights, scale
+    return own, heights, min(scale, FLOORS.max_scale)
 
 
 def _limit_heights(heights: Float64Array) -> Float64Array:

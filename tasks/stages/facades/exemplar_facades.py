@@ -86,7 +86,7 @@ def _read_with_ground_floor(group: StoreGroup, exemplar: ChosenExemplar) -> tupl
         image, labels = replace_ground_floor_by_windows(image, labels, metres_per_texel)
     elif exemplar.ground_floor is not None:
         other_image, other_labels, theirs = read_exemplar(group, exemplar.ground_floor.index)
-        image, labels = transplant_ground_floor(image, labels, other_image, other_labels, theirs / metres_per_texel)
+        image, labels = transplant_ground_floor(image, labels, other_image, other_labels, (metres_per_texel, theirs))
     return image, labels, metres_per_texel
 
 
