@@ -90,7 +90,7 @@ def choose_ground_floors(
     """Choose the exemplar whose ground floor each wall shows; the walls of one building share theirs.
 
     It is well seen, like the wall's exemplar in colour, light and form, fits the building's narrowest front, and has shops
-    where the map has them. The exemplar's own ground floor is the most like it. A plain one is better than one that is
+    where the map has them alone. The exemplar's own ground floor is the most like it. A plain one is better than one that is
     nothing like it.
 
     Parameters
@@ -114,6 +114,7 @@ def choose_ground_floors(
     draws = np.array([np.random.default_rng([seed, number, 1]).random(len(foot)) for number in numbers.tolist()])
     draws[np.arange(len(first)), chosen[first]] = 0.0
     cost = library.distance[chosen[first]] + EXEMPLAR_CHOICE.foot_cost * (1 - foot)
+    is_unfit |= (np.asarray(library.shops, float) > 0) & (shops[first, None] == 0)
     cost += _shop_mismatch_costs(shops[first], library) + EXEMPLAR_CHOICE.unfit_cost * is_unfit
     cost += EXEMPLAR_CHOICE.random_cost * draws
     cost[:, foot < EXEMPLAR_CHOICE.min_foot] = np.inf

@@ -12,11 +12,10 @@ from benchmarks.painter.facade import paint_facade
 from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.ground_floor import (
     replace_ground_floor_by_windows,
-    replace_shops_by_windows,
     transplant_ground_floor,
 )
 from facade_core.facade.texture.tint import tint_facade
-from facade_core.parsing.floor_structure import count_floors, find_floors_and_bays
+from facade_core.parsing.floor_structure import find_floors_and_bays
 from facade_core.plan.exemplar_choice import (
     ExemplarTargetWalls,
     choose_exemplars,
@@ -160,28 +159,6 @@ def test_shops_are_where_the_map_has_them() -> None:
     half = replace(library(32), shops=[0.0, 0.7] * 16)
     shopping = choose_exemplars(replace(walls, shops=np.arange(30) % 3 // 2), half, seed=4)
     assert ((shopping % 2 == 1) == (np.arange(30) % 3 == 2)).mean() > 0.9
-
-
-def test_a_ground_floor_without_shops_keeps_its_door() -> None:
-    painted = paint_facade((16.0, 15.0), floors=4, columns=5, style="art-deco", metres_per_pixel=0.05, seed=6)
-    assert (painted.labels == FacadeClass.SHOP).any()
-    image, labels = replace_shops_by_windows(painted.image, painted.labels)
-    assert not (labels == FacadeClass.SHOP).any()
-    assert (labels == FacadeClass.DOOR).any()
-    assert count_floors(labels) == 4
-    ground = slice(-60, None)
-    assert (labels[ground] == FacadeClass.WINDOW).mean() > 0.1
-    changed = (image != painted.image).any(axis=(1, 2))
-    assert not changed[: len(changed) // 2].any()
-
-
-def test_a_door_whose_foot_was_hidden_goes_with_the_shops() -> None:
-    painted = paint_facade((16.0, 15.0), floors=4, columns=5, style="art-deco", metres_per_pixel=0.05, seed=6)
-    labels = painted.labels.copy()
-    foot = labels[-25:]
-    foot[foot == FacadeClass.DOOR] = FacadeClass.WALL
-    assert (labels == FacadeClass.DOOR).any()
-    assert not (replace_shops_by_windows(painted.image, labels)[1] == FacadeClass.DOOR).any()
 
 
 def test_the_ground_floor_of_another_exemplar_fits_bays_light_and_scale() -> None:

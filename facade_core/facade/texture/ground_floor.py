@@ -1,4 +1,4 @@
-"""Ground floor of an exemplar: another's, a residential one, or a plain one."""
+"""Ground floor of an exemplar: another's, or a plain one."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from itertools import pairwise
 import cv2
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float64Array, UInt8Array
+from facade_core.core.arrays import Float64Array, UInt8Array
 from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.entrances import fill_with_door
 from facade_core.facade.texture.ground_units import arrange_units, compose_units, find_ground_units
 from facade_core.facade.texture.settings import ENTRANCES, GROUND_FLOOR
 from facade_core.facade.wall_material import lit_colour
-from facade_core.parsing.floor_structure import FloorsAndBays, find_floors_and_bays, spans_above_threshold
+from facade_core.parsing.floor_structure import FloorsAndBays, find_floors_and_bays
 
 
 def transplant_ground_floor(
@@ -121,56 +121,29 @@ def replace_ground_floor_by_windows(
         return image, labels
     new_image, new_labels = image.copy(), labels.copy()
     if found.ground_top > found.top:
-        new_image, new_labels = _show_windows(image, labels, found, source, np.ones(labels.shape[1], bool))
+        new_image, new_labels = _show_windows(image, labels, found, source)
     bay = len(found.bays) // 2
     middle, half = sum(found.bays[bay]) // 2, round(ENTRANCES.door_size_m[0] / 2 / metres_per_pixel)
     columns = slice(max(found.bay_cuts[bay], middle - half), min(found.bay_cuts[bay + 1], middle + half))
     top = max(found.ground_top, found.bottom - round(ENTRANCES.door_size_m[1] / metres_per_pixel))
-    _clear_bay(new_image, new_labels, slice(found.ground_top, found.bottom), slice(*found.bay_cuts[bay : bay + 2]))
+    reach = round(ENTRANCES.door_margin_m / metres_per_pixel)
+    _clear_bay(
+        new_image, new_labels, slice(found.ground_top, found.bottom), slice(*found.bay_cuts[bay : bay + 2]), reach
+    )
     rng = np.random.default_rng(int(image.sum(dtype=np.uint64)))
     fill_with_door(new_image, new_labels, (slice(top, found.bottom), columns), metres_per_pixel, rng)
     return new_image, new_labels
 
 
-def _clear_bay(image: UInt8Array, labels: UInt8Array, rows: slice, bay: slice) -> None:
-    """Replace the elements of a bay of a floor by its piers, back and forth, in place; nothing without piers."""
-    is_pier = (labels[rows, bay] == FacadeClass.WALL).all(axis=0)
-    pier = np.flatnonzero(is_pier)
+def _clear_bay(image: UInt8Array, labels: UInt8Array, rows: slice, bay: slice, reach: int) -> None:
+    """Replace the elements of a bay of a floor, and the frames so far around them, by its piers, in place."""
+    element = (labels[rows, bay] != FacadeClass.WALL).any(axis=0).astype(np.uint8)
+    framed = cv2.dilate(element[None], np.ones((1, 2 * reach + 1), np.uint8))[0] > 0
+    pier = np.flatnonzero(~framed)
     if len(pier):
-        source = np.resize(np.concatenate([pier, pier[::-1]]), int((~is_pier).sum()))
-        image[rows, bay][:, ~is_pier] = image[rows, bay][:, source]
+        source = np.resize(np.concatenate([pier, pier[::-1]]), int(framed.sum()))
+        image[rows, bay][:, framed] = image[rows, bay][:, source]
         labels[rows, bay] = FacadeClass.WALL
-
-
-def replace_shops_by_windows(image: UInt8Array, labels: UInt8Array) -> tuple[UInt8Array, UInt8Array]:
-    """Replace the shops of an exemplar's ground floor by windows of an upper floor.
-
-    The source is the lowest floor with the fewest balconies, if possible not the topmost, scaled to the height of the
-    ground floor. A bay without balconies replaces one with balconies. Doors that reach the ground stay. Without shops or a
-    source floor nothing changes.
-
-    Parameters
-    ----------
-    image : (H, W, 3) uint8.
-    labels : (H, W) uint8 class ids.
-
-    Returns
-    -------
-    Image and labels.
-    """
-    found = find_floors_and_bays(labels)
-    source_rows = None if found is None else _residential_floor(found, labels)
-    if found is None or source_rows is None or not (labels[found.ground_top :] == FacadeClass.SHOP).any():
-        return image, labels
-    top, bottom = found.ground_top, found.bottom
-    rim = round(GROUND_FLOOR.jamb_share * (bottom - top))
-    is_door = labels[top:bottom] == FacadeClass.DOOR
-    foot = is_door[round((1 - GROUND_FLOOR.door_foot_share) * (bottom - top)) :].any(axis=0)
-    door = np.zeros((1, labels.shape[1]), np.uint8)
-    for left, right in spans_above_threshold(is_door.any(axis=0).astype(np.float64), 0.5):
-        door[0, left:right] = foot[left:right].any()
-    free = cv2.dilate(door, np.ones((1, 2 * rim + 1), np.uint8))[0] == 0
-    return _show_windows(image, labels, found, source_rows, free)
 
 
 def _residential_floor(found: FloorsAndBays, labels: UInt8Array) -> slice | None:
@@ -181,10 +154,10 @@ def _residential_floor(found: FloorsAndBays, labels: UInt8Array) -> slice | None
 
 
 def _show_windows(
-    image: UInt8Array, labels: UInt8Array, found: FloorsAndBays, source_rows: slice, free: BoolArray
+    image: UInt8Array, labels: UInt8Array, found: FloorsAndBays, source_rows: slice
 ) -> tuple[UInt8Array, UInt8Array]:
-    """Show a floor in place of the ground floor, in its free columns (W,), in the light of the floor above."""
-    top, bottom = found.ground_top, found.bottom
+    """Show a floor in place of the ground floor, in the light of the floor above."""
+    ground = slice(found.ground_top, found.bottom)
     bays = [slice(a, b) for a, b in pairwise((0, *found.bay_cuts[1:-1], labels.shape[1]))]
     plain = [not (labels[source_rows, bay] == FacadeClass.BALCONY).any() for bay in bays]
     gain = _wall_gain(_wall_colour(image, labels, _lowest_upper_floor(found)), _wall_colour(image, labels, source_rows))
@@ -192,11 +165,8 @@ def _show_windows(
     for number, bay in enumerate(bays):
         # The nearest bay without balconies, the bay itself first.
         nearest = min(range(len(bays)), key=lambda other: (any(plain) and not plain[other], abs(other - number)))
-        shown = new_image[top:bottom, bay].copy(), new_labels[top:bottom, bay].copy()
         source = np.clip(np.rint(image[source_rows, bays[nearest]] * gain), 0, 255).astype(np.uint8)
-        _paste(shown, (source, labels[source_rows, bays[nearest]]))
-        kept = free[bay]
-        new_image[top:bottom, bay][:, kept], new_labels[top:bottom, bay][:, kept] = shown[0][:, kept], shown[1][:, kept]
+        _paste((new_image[ground, bay], new_labels[ground, bay]), (source, labels[source_rows, bays[nearest]]))
     return new_image, new_labels
 
 

@@ -54,7 +54,6 @@ class FloorSettings:
     level_top_m : largest distance from its top, metres, at which a wall begins to be free of neighbours along all its
         width.
     max_crowned_rest_m : largest height of bare wall below the highest windows of such a wall with a cornice, metres.
-    max_scale : largest enlargement of the exemplar to the floors of a building.
     max_floor_stretch : largest stretch of a floor over the exemplar's; beyond it the rest is bare wall.
     max_ground_floor_m : greatest height of a ground floor, metres.
     max_window_share, max_window_loss : largest share of a floor that its windows take, unless they would lose more of their
@@ -69,7 +68,6 @@ class FloorSettings:
     eaves_tolerance_m: float = 0.3
     level_top_m: float = 0.3
     max_crowned_rest_m: float = 1.5
-    max_scale: float = 1.4
     max_floor_stretch: float = 1.12
     max_ground_floor_m: float = 6.0
     max_window_share: float = 0.75
@@ -123,9 +121,6 @@ class GroundFloorSettings:
 
     Attributes
     ----------
-    jamb_share : wall kept on either side of a door, as a share of the ground floor's height.
-    door_foot_share : lowest part of the ground floor, as a share of its height, into which a door reaches. What ends above
-        it was hidden there.
     min_element_share : share of a column of the ground floor that shows an element; a lower one is a sill, a sign or an
         error of the parser.
     min_pier_m, min_element_m : smallest width of a pier, below which the elements beside it are one, and of an element;
@@ -143,8 +138,6 @@ class GroundFloorSettings:
     max_gain, max_tint : largest factors by which another floor is lightened or darkened, and a colour of it beyond that.
     """
 
-    jamb_share: float = 0.12
-    door_foot_share: float = 0.15
     min_element_share: float = 0.12
     min_pier_m: float = 0.12
     min_element_m: float = 0.4

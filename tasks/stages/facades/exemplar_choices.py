@@ -289,7 +289,7 @@ def exemplar_library(records: Sequence[ExemplarRecord]) -> ExemplarLibrary:
         [record["height_m"] for record in records],
         [record["floors"] for record in records],
         [record["shop_width"] for record in records],
-        [record["front_m"] for record in records],
+        [record.get("front_m", 0.0) for record in records],
         # where no facade was found in a picture all of it is a guess
         [
             quality.body if record.get("cut_found", True) else 0.0
