@@ -66,13 +66,11 @@ def choose_exemplars(
     misfit += EXEMPLAR_CHOICE.random_cost * draws[:, 1:]
     misfit += EXEMPLAR_CHOICE.other_family_cost * ~_is_in_street_families(walls.street[main], library.family, seed)
     near, metres = _neighbouring_buildings(walls.ends, row, len(numbers))
-    width = np.asarray(np.bincount(row, walls.width), np.float64)
-    rank = _rank_buildings(numbers, draws[:, 0], width)
     body = np.asarray(library.body, float)
     misfit[:, body < min(EXEMPLAR_CHOICE.min_body, float(body.max()))] = np.inf
 
     chosen = np.full(len(numbers), -1) if kept is None else kept[main]
-    order_of_choice = np.argsort(rank)
+    order_of_choice = np.argsort(draws[:, 0], kind="stable")
     for i in order_of_choice[chosen[order_of_choice] < 0].tolist():
         chosen[i] = _cheapest_exemplar(misfit[i], chosen[near[i]], metres[i], library)
     return chosen[row]
@@ -151,8 +149,7 @@ def exemplar_choice_order(walls: ExemplarTargetWalls, *, seed: int) -> ExemplarC
     """Compute the order in which `choose_exemplars` visits buildings."""
     numbers, row = np.unique(walls.building, return_inverse=True)
     near, _ = _neighbouring_buildings(walls.ends, row, len(numbers))
-    width = np.asarray(np.bincount(row, walls.width), np.float64)
-    rank = _rank_buildings(numbers, _draw_by_building(numbers, seed, 1)[:, 0], width)
+    rank = np.argsort(np.argsort(_draw_by_building(numbers, seed, 1)[:, 0], kind="stable"))
     return ExemplarChoiceOrder(numbers, tuple(others[rank[others] < rank[one]] for one, others in enumerate(near)))
 
 
@@ -160,17 +157,6 @@ def _draw_by_building(numbers: Int64Array, seed: int, count: int) -> Float64Arra
     """Draw random numbers by (seed, building), (b, count); the first orders the choices."""
     draws = [np.random.default_rng([seed, number]).random(count) for number in numbers.tolist()]
     return np.array(draws).reshape(-1, count)
-
-
-def _rank_buildings(numbers: Int64Array, draws: Float64Array, width: Float64Array) -> Int64Array:
-    """Return the rank (b,) in which buildings choose: wider ones first, by `draws` (b,) among those of similar width.
-
-    The best exemplars are for what is seen most.
-    """
-    octave = np.floor(np.log2(np.maximum(width, 1.0)))
-    rank = np.empty(len(numbers), np.int64)
-    rank[np.lexsort((numbers, draws, -octave))] = np.arange(len(numbers))
-    return rank
 
 
 def _misfit_costs(walls: ExemplarTargetWalls, main: Int64Array, library: ExemplarLibrary) -> Float64Array:

@@ -140,14 +140,6 @@ def test_a_ground_floor_fits_the_wall_and_has_the_shops_of_the_map() -> None:
     assert ground_floors(styles, [1], width=12.0, shops=1) == [0]
 
 
-def test_a_wide_building_gets_the_best_exemplar() -> None:
-    """Of 24 houses within sight of each other one is as wide as ten of the others; one exemplar of twelve is good."""
-    walls = replace(row(24), ends=row(24).ends / 12)
-    walls = replace(walls, width=np.where(np.arange(24) == 7, 90.0, 9.0))
-    one_good = replace(library(12), body=[1.0 if number == 5 else 0.3 for number in range(12)])
-    assert all(choose_exemplars(walls, one_good, seed=seed)[7] == 5 for seed in range(5))
-
-
 def test_all_of_a_crowd_choose_one_after_the_other() -> None:
     """Forty houses within sight of each other and twelve exemplars."""
     chosen = choose_exemplars(replace(row(40), ends=row(40).ends / 16), library(12), seed=3)

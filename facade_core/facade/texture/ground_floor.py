@@ -62,21 +62,12 @@ def transplant_ground_floor(
         ground = compose_units(source, units, arranged, borders, width, metres_per_pixel[::-1])
     else:
         ground = np.zeros((height, width, 3), np.uint8), np.zeros((height, width), np.uint8)
-        widths, theirs = (np.diff(np.array(each.bay_cuts)) for each in (own, other))
-        first = _first_bay(widths, theirs * scale)
         for number, (left, right) in enumerate(pairwise(own.bay_cuts)):
-            bay = (first + number) % len(theirs)
+            bay = number % len(other.bays)
             part = slice(*other.bay_cuts[bay : bay + 2])
             _paste((ground[0][:, left:right], ground[1][:, left:right]), (source[0][:, part], source[1][:, part]))
     above = slice(0, own.ground_top)
     return np.concatenate([image[above], ground[0]]), np.concatenate([labels[above], ground[1]])
-
-
-def _first_bay(widths: Float64Array, theirs: Float64Array) -> int:
-    """Return the bay (of k) from which another's bays fit the widths (n,) of bays best, one after the other."""
-    bays = np.arange(len(theirs))[:, None] + np.arange(len(widths))
-    stretch = np.abs(np.log(theirs[bays % len(theirs)] / widths)).mean(axis=1)
-    return int(np.argmin(stretch))
 
 
 def _wall_gain(colour: Float64Array | None, other: Float64Array | None) -> Float64Array:
