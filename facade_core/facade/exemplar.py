@@ -9,6 +9,7 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.errors import ImageError
+from facade_core.core.labels import FacadeClass
 from facade_core.core.resizing import resize_with_labels
 from facade_core.core.types import SHIPPED_MODELS, Box, Element, TrainedModelFiles
 from facade_core.facade.evidence import Evidence
@@ -21,8 +22,10 @@ from facade_core.imagery.rectify.building_crop import crop_to_facade
 from facade_core.imagery.rectify.level_lines import find_slope
 from facade_core.imagery.rectify.shadow import shadow_share
 from facade_core.parsing.elements import elements
-from facade_core.parsing.floor_structure import count_floors
+from facade_core.parsing.floor_structure import count_floors, spans_above_threshold
 
+# Smallest width of a shop, metres; what is narrower is an error of the parser.
+MIN_SHOP_M = 1.0
 # Longer side, in pixels, of a labelled exemplar for counting floors and windows and for measuring shadow.
 MAX_COUNTING_SIDE_PX = 640
 
@@ -181,3 +184,10 @@ def count_columns(layout: Sequence[Element]) -> int:
         row += 1
         best = max(best, row)
     return best
+
+
+def measure_narrowest_shop(labels: UInt8Array, metres_per_pixel: float) -> float:
+    """Measure the narrowest shop of an exemplar's labels (h, w), metres; 0 without shops."""
+    has_shop = (labels == FacadeClass.SHOP).any(axis=0).astype(np.float64)
+    widths = [(right - left) * metres_per_pixel for left, right in spans_above_threshold(has_shop, 0.5)]
+    return min((width for width in widths if width >= MIN_SHOP_M), default=0.0)

@@ -25,7 +25,7 @@ class ExemplarLibrary:
     width, height : metres.
     floors : number of floors.
     shops : share of the width with shops.
-    fronts : metres of the narrowest shop or door with its piers; 0 where bays show the ground floor.
+    fronts : metres of the narrowest shop; 0 without shops.
     body, foot : quality of the upper floors and of the ground floor, 0 to 1, `facade_core.facade.exemplar_quality`.
     descriptors : (k, 9), see `style_descriptor`.
     """

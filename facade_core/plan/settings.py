@@ -46,8 +46,8 @@ class ExemplarChoiceSettings:
     min_foot : quality of a ground floor below which another's is shown.
     foot_cost, plain_cost : costs of a ground floor of no quality, and of a plain one of the exemplar's own body, in style
         distances.
-    unfit_cost, min_front_share : cost of a ground floor with shops where the map has none, or whose narrowest shop or door
-        is wider than the wall if it were squeezed to this share.
+    unfit_cost, min_front_share : cost of a ground floor with shops where the map has none, or whose narrowest shop is wider
+        than the wall if it were squeezed to this share.
     """
 
     random_cost: float = 0.8

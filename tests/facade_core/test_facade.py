@@ -17,7 +17,7 @@ from facade_core.core.provenance import Provenance
 from facade_core.core.types import Element, Parsing
 from facade_core.facade import exemplar
 from facade_core.facade.evidence import Evidence
-from facade_core.facade.exemplar import count_columns, prepare_exemplar
+from facade_core.facade.exemplar import count_columns, measure_narrowest_shop, prepare_exemplar
 from facade_core.facade.exemplar_facade import BuildingPaint, ScaledStyle, build_facade_from_exemplar
 from facade_core.facade.photo_facade import build_facade_from_photo
 from facade_core.facade.texture.building_walls import compose_wall
@@ -119,6 +119,14 @@ def test_what_a_parse_of_an_exemplar_still_finds_is_filled_and_counts_against_it
     assert next(found, None) is None, "it is parsed twice"
     assert again.occluded[-20, 70 - (clean.labels.shape[1] - again.labels.shape[1])]
     assert again.quality.foot < whole.quality.foot
+
+
+def test_the_narrowest_shop_is_no_error_of_the_parser() -> None:
+    labels = np.zeros((40, 200), np.uint8)
+    assert measure_narrowest_shop(labels, 0.1) == 0.0
+    for left, right in ((10, 70), (90, 130), (150, 154)):
+        labels[20:, left:right] = FacadeClass.SHOP
+    assert measure_narrowest_shop(labels, 0.1) == pytest.approx(4.0)
 
 
 def test_an_exemplar_is_trimmed_below_the_sky() -> None:

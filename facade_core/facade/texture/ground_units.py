@@ -21,7 +21,7 @@ from facade_core.facade.texture.settings import GROUND_FLOOR, RETARGETING
 from facade_core.facade.texture.shortest_walks import part_transition_costs
 from facade_core.facade.texture.tile_composition import compose_tiles
 from facade_core.facade.texture.wall_floors import FacadeWall, WallFloor
-from facade_core.parsing.floor_structure import find_floors_and_bays, spans_above_threshold
+from facade_core.parsing.floor_structure import spans_above_threshold
 
 _ELEMENTS = (FacadeClass.SHOP, FacadeClass.DOOR, FacadeClass.WINDOW, FacadeClass.BALCONY)
 
@@ -81,19 +81,6 @@ def find_ground_units(image: UInt8Array, labels: UInt8Array, metres_per_pixel: f
         _shows(labels, cuts, (FacadeClass.DOOR,), metres_per_pixel),
         _shows(labels, cuts, (FacadeClass.DOOR, FacadeClass.SHOP), metres_per_pixel),
     )
-
-
-def narrowest_front(image: UInt8Array, labels: UInt8Array, metres_per_pixel: float) -> float:
-    """Measure the narrowest unit of an exemplar's ground floor, metres; 0 where its bays show it.
-
-    Parameters
-    ----------
-    image, labels, metres_per_pixel : exemplar as in `find_ground_units`, with its upper floors.
-    """
-    found = find_floors_and_bays(labels)
-    top = len(labels) if found is None else found.ground_top
-    units = find_ground_units(image[top:], labels[top:], metres_per_pixel)
-    return 0.0 if units is None else float(units.widths.min()) * metres_per_pixel
 
 
 def _shows(

@@ -20,8 +20,7 @@ from facade_core.core.resizing import resize_with_labels
 from facade_core.core.types import Privacy, TrainedModelFiles
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.export.pictures.occlusion_overlay import draw_crop_preview
-from facade_core.facade.exemplar import Exemplar, prepare_exemplar
-from facade_core.facade.texture.ground_units import narrowest_front
+from facade_core.facade.exemplar import Exemplar, measure_narrowest_shop, prepare_exemplar
 from facade_core.imagery.detect.detection import detect_faces_plates_text, detectors_available
 from facade_core.imagery.privacy import apply_privacy
 from facade_core.imagery.rectify.no_data import no_data_mask
@@ -121,7 +120,7 @@ def prepare_picture(inputs: ExemplarInputs) -> PreparedExemplar:
         "shaded": round(prepared.shaded_share, 4),
         "cut_found": prepared.has_facade,
         "shop_width": round(float((labels == FacadeClass.SHOP).any(axis=0).mean()), 4),
-        "front_m": round(narrowest_front(texture, labels, metres_per_texel), 2),
+        "front_m": round(measure_narrowest_shop(labels, metres_per_texel), 2),
         "look": style_descriptor(texture, labels, metres_per_texel),
         "quality": round(prepared.quality.score, 3),
         "quality_parts": asdict(prepared.quality),
