@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 from facade_core.core.arrays import Float64Array, UInt8Array
@@ -17,6 +19,9 @@ from tasks.engine.run import Run
 from tasks.stages.exemplars.worker import read_exemplar
 from tasks.stages.facades.imagery import ChosenExemplar, FacadeInputs
 from tasks.stages.facades.pictured_style import PicturedStyle
+
+# Image and labels of an exemplar, and its metres per texel.
+PictureAndScale = tuple[UInt8Array, UInt8Array, float]
 
 # Pixels of the exemplars that are kept; each takes 4 bytes, besides the tables of its lattice.
 MAX_KEPT_PIXELS = 8_000_000
@@ -49,7 +54,7 @@ def load_exemplar_analysis(
     entry = _ExemplarKey(run.out, exemplar, roof)
     analysed = _kept.pop(entry, None)
     if analysed is None:
-        image, labels, metres_per_texel = _read_with_ground_floor(group, exemplar)
+        image, labels, metres_per_texel = read_with_ground_floor(partial(read_exemplar, group), exemplar)
         if not roof:
             image, labels = cut_off_roof(image, labels)
         analysed = analyse_exemplar(image, labels), metres_per_texel
@@ -59,13 +64,19 @@ def load_exemplar_analysis(
     return analysed
 
 
-def _read_with_ground_floor(group: StoreGroup, exemplar: ChosenExemplar) -> tuple[UInt8Array, UInt8Array, float]:
-    """Read an exemplar with the ground floor that it shows; returns as `read_exemplar`."""
-    image, labels, metres_per_texel = read_exemplar(group, exemplar.index)
+def read_with_ground_floor(read: Callable[[int], PictureAndScale], exemplar: ChosenExemplar) -> PictureAndScale:
+    """Read an exemplar with the ground floor that it shows.
+
+    Parameters
+    ----------
+    read : reads a prepared exemplar by its index, as `read_exemplar`.
+    exemplar : the exemplar.
+    """
+    image, labels, metres_per_texel = read(exemplar.index)
     if exemplar.ground_floor == "plain":
         image, labels = replace_ground_floor_by_windows(image, labels, metres_per_texel)
     elif exemplar.ground_floor is not None:
-        other_image, other_labels, theirs = read_exemplar(group, exemplar.ground_floor.index)
+        other_image, other_labels, theirs = read(exemplar.ground_floor.index)
         image, labels = transplant_ground_floor(image, labels, other_image, other_labels, (metres_per_texel, theirs))
     return image, labels, metres_per_texel
 
