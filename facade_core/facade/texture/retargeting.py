@@ -131,6 +131,8 @@ def analyse_exemplar(image: UInt8Array, labels: UInt8Array) -> ExemplarAnalysis:
     if exemplar is None:
         raise ImageError("retarget: the exemplar's labels show no windows; pick another exemplar or label it again")
     labels = fill_sky_and_unknown(labels)
+    above = labels[: exemplar.ground_top]  # doors there are of balconies, shops are errors of the parser
+    above[above == FacadeClass.DOOR], above[above == FacadeClass.SHOP] = FacadeClass.WINDOW, FacadeClass.WALL
     grid = floor_bay_lattice(exemplar)
     bay_cuts = np.asarray(exemplar.bay_cuts)
     bands = {"roof": (exemplar.top, _roof_bottom(exemplar)), "ground": (exemplar.ground_top, exemplar.bottom)}
