@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.errors import ImageError
+from facade_core.core.labels import FacadeClass
 from facade_core.core.resizing import resize_with_labels
 from facade_core.core.types import SHIPPED_MODELS, Box, Element, TrainedModelFiles
 from facade_core.facade.evidence import Evidence
 from facade_core.facade.exemplar_quality import ExemplarQuality, judge_exemplar
-from facade_core.facade.facade import time_stage
-from facade_core.facade.photo_facade import NO_DOORS, complete_photo
+from facade_core.facade.exemplar_trimming import trim_to_facade
+from facade_core.facade.facade import Facade, time_stage
+from facade_core.facade.photo_facade import NO_DOORS, complete_observed_photo, observe_photo
 from facade_core.facade.texture.scale import exemplar_scale
 from facade_core.imagery.rectify.building_crop import crop_to_facade
+from facade_core.imagery.rectify.level_lines import find_slope
 from facade_core.imagery.rectify.shadow import shadow_share
 from facade_core.parsing.elements import elements
-from facade_core.parsing.floor_structure import count_floors
+from facade_core.parsing.floor_structure import count_floors, spans_above_threshold
 
+# Smallest width of a shop, metres; what is narrower is an error of the parser.
+MIN_SHOP_M = 1.0
 # Longer side, in pixels, of a labelled exemplar for counting floors and windows and for measuring shadow.
 MAX_COUNTING_SIDE_PX = 640
 
@@ -84,24 +89,29 @@ def prepare_exemplar(
     Raises
     ------
     ImageError
-        If too little of the facade is visible, or no window.
+        If too little of the facade is visible, or no window, or if it is not rectified.
     """
     seconds: dict[str, float] = {}
     if labels is not None and not hidden.any() and (private is None or not private.any()):
+        _require_level(image, hidden)
         evidence = completed = image
-        box, has_facade, occluded = (0, 0, image.shape[1], image.shape[0]), True, hidden
+        box, has_facade, occluded, doubtful = (0, 0, image.shape[1], image.shape[0]), True, hidden, hidden
         with time_stage(seconds, "elements"):
             measured, classes = shrink_to_side(image, labels)
             floors, layout = count_floors(classes), tuple(elements(classes))
     else:
         cut = crop_to_facade(image, hidden, model=models)
         has_facade = cut.has_facade
-        x0, y0, x1, y1 = box = cut.box
+        x0, y0, x1, y1 = cut.box
         private = None if private is None else private[y0:y1, x0:x1]
         seen = Evidence(image=cut.image, hidden=cut.hidden, outside=cut.outside, private=private)
-        whole = complete_photo(seen, NO_DOORS, models=models, seed=seed)
-        seconds = whole.seconds
-        evidence, completed, labels, occluded = cut.image, whole.image, whole.labels, whole.occluded
+        observed = observe_photo(seen, models=models, seconds=seconds)
+        _require_level(cut.image, observed.hidden)
+        observed, (left, top, right, bottom) = trim_to_facade(observed)
+        box = (x0 + left, y0 + top, x0 + right, y0 + bottom)
+        whole, remaining = _complete_twice(replace(observed, private=None), models, seed, seconds)
+        evidence, completed, labels, occluded = observed.image, whole.image, whole.labels, whole.occluded
+        doubtful = occluded | remaining
         floors, layout, measured, classes = whole.floors, whole.elements, whole.image, labels
     if not floors:
         raise ImageError("no windows are found in it, of which walls could be made; replace or remove it")
@@ -109,7 +119,7 @@ def prepare_exemplar(
         scale = exemplar_scale(completed, labels, storey=floor_height)
     shaded = shadow_share(measured, classes)
     with time_stage(seconds, "judge"):
-        quality = judge_exemplar(completed, labels, occluded, scale, shaded)
+        quality = judge_exemplar(completed, labels, doubtful, scale, shaded)
     return Exemplar(
         evidence=evidence,
         image=completed,
@@ -124,6 +134,34 @@ def prepare_exemplar(
         quality=quality,
         seconds=seconds,
     )
+
+
+def _require_level(image: UInt8Array, hidden: BoolArray) -> None:
+    """Raise ImageError for a picture whose level lines slope."""
+    slope = find_slope(image, hidden)
+    if slope is not None:
+        raise ImageError(
+            f"its level lines slope by {slope:.0f} degrees; it is not rectified: `streetloom harvest` makes exemplars from "
+            "street photos"
+        )
+
+
+def _complete_twice(
+    observed: Evidence, models: TrainedModelFiles, seed: int, seconds: dict[str, float]
+) -> tuple[Facade, BoolArray]:
+    """Complete an exemplar, and again without what a parse of the result still finds before the wall.
+
+    Returns
+    -------
+    The facade, and what the parse found, (h, w) bool.
+    """
+    whole = complete_observed_photo(observed, NO_DOORS, models=models, seed=seed, seconds=seconds)
+    nothing = np.zeros_like(observed.hidden)
+    remaining = observe_photo(Evidence(image=whole.image, hidden=nothing), models=models, seconds=seconds).hidden
+    if (remaining & ~observed.hidden).any():
+        observed = replace(observed, hidden=observed.hidden | remaining)
+        whole = complete_observed_photo(observed, NO_DOORS, models=models, seed=seed, seconds=seconds)
+    return whole, remaining
 
 
 def shrink_to_side(image: UInt8Array, labels: UInt8Array) -> tuple[UInt8Array, UInt8Array]:
@@ -146,3 +184,10 @@ def count_columns(layout: Sequence[Element]) -> int:
         row += 1
         best = max(best, row)
     return best
+
+
+def measure_narrowest_shop(labels: UInt8Array, metres_per_pixel: float) -> float:
+    """Measure the narrowest shop of an exemplar's labels (h, w), metres; 0 without shops."""
+    has_shop = (labels == FacadeClass.SHOP).any(axis=0).astype(np.float64)
+    widths = [(right - left) * metres_per_pixel for left, right in spans_above_threshold(has_shop, 0.5)]
+    return min((width for width in widths if width >= MIN_SHOP_M), default=0.0)

@@ -42,12 +42,10 @@ class ScaledStyle:
     ----------
     style : analysed exemplar.
     metres_per_pixel : scale of the exemplar; may be finer or coarser than the raster of a wall.
-    floor_style : exemplar whose floor heights apply; `style` by default.
     """
 
     style: ExemplarAnalysis
     metres_per_pixel: float
-    floor_style: ExemplarAnalysis | None = None
 
 
 @dataclass(frozen=True)
@@ -101,7 +99,6 @@ def build_facade_from_exemplar(
         texture, labels = compose_wall(
             scaled.style,
             wall,
-            floor_style=scaled.floor_style,
             metres_per_pixel=scaled.metres_per_pixel,
             output_metres_per_pixel=pixel,
             texel_m=texel,

@@ -28,6 +28,8 @@ MAX_SHADED_SHARE = 0.8
 USUAL_SHADED_SHARE = 0.18
 # Smallest share of a window's place in the grid of floors and bays that it fills.
 MIN_FILLED_SHARE = 0.4
+# Least height of an entrance, metres.
+MIN_ENTRANCE_M = 1.5
 # Worth of an exemplar whose part is worth nothing; otherwise one bad part would hide the others.
 _FLOOR = 0.1
 
@@ -39,7 +41,8 @@ class ExemplarQuality:
     Attributes
     ----------
     sharpness : detail at JUDGED_PIXELS_PER_METRE.
-    upper, foot : shares of the upper floors and of the ground floor that the picture shows, not inpainted.
+    upper, foot : shares of the upper floors and of the ground floor that the picture shows, not inpainted; a ground floor
+        without an entrance is cut off by the picture.
     clean : few pixels of wall in colours foreign to it, as of remaining trees and signs.
     whole : share of the grid of floors and bays with a window.
     light : little of the wall in shadow.
@@ -87,12 +90,18 @@ def judge_exemplar(
     return ExemplarQuality(
         sharpness=_limit((_blur_loss(small, ~unseen) - BLURRED_LOSS) / (SHARP_LOSS - BLURRED_LOSS)),
         upper=_limit(1 - _share(unseen[:ground])),
-        foot=_limit(1 - _share(unseen[ground:])),
+        foot=_limit(1 - _share(unseen[ground:])) if _has_entrance(classes[ground:]) else 0.0,
         clean=_limit(1 - _foreign_share(small, classes) / MAX_FOREIGN_SHARE),
         whole=whole,
         light=_limit(1 - shaded_share / MAX_SHADED_SHARE),
         straight=_limit(1 - slope / MAX_SLOPE),
     )
+
+
+def _has_entrance(labels: UInt8Array) -> bool:
+    """Return whether a ground floor at JUDGED_PIXELS_PER_METRE shows a door or a shop."""
+    tall = np.isin(labels, (FacadeClass.DOOR, FacadeClass.SHOP)).sum(axis=0)
+    return bool((tall >= MIN_ENTRANCE_M * JUDGED_PIXELS_PER_METRE).any())
 
 
 def _limit(value: float) -> float:

@@ -9,9 +9,8 @@ import numpy as np
 from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.fixed_order import multiply_matrices
-from facade_core.core.labels import FacadeClass
 from facade_core.core.resizing import resize_image
-from facade_core.core.types import SHIPPED_MODELS, Parsing
+from facade_core.core.types import SHIPPED_MODELS
 from facade_core.facade.evidence import Evidence
 from facade_core.facade.exemplar import count_columns
 from facade_core.facade.exemplar_admission import (
@@ -21,26 +20,22 @@ from facade_core.facade.exemplar_admission import (
     FacadePicture,
     assess_candidate,
 )
-from facade_core.facade.neighbour_removal import find_own_columns
+from facade_core.facade.exemplar_trimming import cut_picture_part, trim_to_facade
 from facade_core.facade.photo_facade import (
     NO_DOORS,
     complete_observed_photo,
     observe_photo,
 )
-from facade_core.facade.sky_removal import count_sky_rows
 from facade_core.facade.texture.scale import exemplar_scale
 from facade_core.imagery.detect.facade_detection import detect_on_facade
 from facade_core.imagery.rectify.building_crop import crop_to_building
 from facade_core.imagery.rectify.level_lines import find_slope
 from facade_core.imagery.rectify.no_data import no_data_mask
 from facade_core.imagery.rectify.photo import rectify
-from facade_core.parsing.elements import elements
-from facade_core.parsing.floor_structure import FloorsAndBays, count_floors, fill_sky_and_unknown, find_floors_and_bays
+from facade_core.parsing.floor_structure import count_floors, fill_sky_and_unknown
 
 # Longest side of an exemplar in pixels.
 MAX_SIDE_PX = 2000
-# A window that begins within this share of the width from a side is cut off by it.
-SIDE_MARGIN_SHARE = 0.012
 # Rows of sky, street or holes at the borders, as a share of a row or column, are cut away.
 MAX_BORDER_HIDDEN_SHARE = 0.5
 # Median angle in degrees between lines and axes, above which the rest is not computed.
@@ -103,7 +98,8 @@ def harvest_facade(
     _require_size(cut.hidden)
     image, hidden, outside = _limit_size(cut.image, cut.hidden, cut.outside)
     evidence = Evidence(image=image, hidden=hidden, outside=outside, segmentation=cut.segmentation)
-    observed = _trim(observe_photo(evidence))
+    observed = observe_photo(evidence)
+    observed, _ = trim_to_facade(cut_picture_part(observed, _seen_part(observed)))
     image = observed.image
     _require_size(observed.hidden)
     labels = fill_sky_and_unknown(observed.parsing.labels)
@@ -153,27 +149,6 @@ def _limit_size(image: UInt8Array, hidden: BoolArray, outside: BoolArray) -> tup
     return resize_image(image, size), hidden, outside
 
 
-def _trim(photo: Evidence) -> Evidence:
-    """Trim borders that show no facade, bays and floors that the picture cuts through, neighbours, and sky above the eaves."""
-    for find_part in (_seen_part, _whole_part, _own_part, _part_below_sky):
-        photo = _cut_part(photo, find_part(photo))
-    return photo
-
-
-def _cut_part(photo: Evidence, bounds: tuple[int, int, int, int]) -> Evidence:
-    """Cut a picture and its parse to rows and columns."""
-    y0, y1, x0, x1 = bounds
-    part = np.s_[y0:y1, x0:x1]
-    hidden = photo.hidden[part]
-    if hidden.shape == photo.hidden.shape:
-        return photo
-    parsing = Parsing(photo.parsing.labels[part], photo.parsing.confidence[part], photo.parsing.occluded[part])
-    observed = tuple(elements(replace(parsing, occluded=hidden)))
-    image = np.ascontiguousarray(photo.image[part])
-    cut = replace(photo, image=image, parsed=parsing, hidden=hidden, elements=observed, masked=())
-    return replace(cut, outside=photo.surroundings[part], segmentation=None)
-
-
 def _seen_part(photo: Evidence) -> tuple[int, int, int, int]:
     """Rows and columns from the first to the last that are mostly seen; all if none is."""
     spans: list[int] = []
@@ -181,37 +156,3 @@ def _seen_part(photo: Evidence) -> tuple[int, int, int, int]:
         seen = np.flatnonzero(photo.hidden.mean(axis=axis) <= MAX_BORDER_HIDDEN_SHARE)
         spans += [int(seen[0]), int(seen[-1]) + 1] if len(seen) else [0, photo.hidden.shape[1 - axis]]
     return spans[0], spans[1], spans[2], spans[3]
-
-
-def _whole_part(photo: Evidence) -> tuple[int, int, int, int]:
-    """Rows and columns without the bays and the top floor that the borders cut through."""
-    labels = photo.parsing.labels
-    height, width = labels.shape
-    structure = find_floors_and_bays(fill_sky_and_unknown(labels))
-    if structure is None:
-        return 0, height, 0, width
-    margin = SIDE_MARGIN_SHARE * width
-    window = labels == FacadeClass.WINDOW
-    x0, x1 = _whole_columns(structure, margin, width)
-    top = window[: max(2, round(margin)), x0:x1].any(axis=0).mean()
-    y0 = structure.floor_cuts[1] if top > 0.1 and len(structure.floors) > 1 else 0
-    return y0, height, x0, x1
-
-
-def _own_part(photo: Evidence) -> tuple[int, int, int, int]:
-    """Rows and columns without the neighbours."""
-    labels = fill_sky_and_unknown(photo.parsing.labels)
-    return 0, len(labels), *find_own_columns(photo.image, labels, photo.hidden, photo.surroundings)
-
-
-def _part_below_sky(photo: Evidence) -> tuple[int, int, int, int]:
-    """Rows and columns without sky above the eaves."""
-    labels = fill_sky_and_unknown(photo.parsing.labels)
-    return count_sky_rows(photo.image, labels, photo.hidden, photo.surroundings), len(labels), 0, labels.shape[1]
-
-
-def _whole_columns(structure: FloorsAndBays, margin: float, width: int) -> tuple[int, int]:
-    """Columns without the first and last bay where the side of the picture cuts through its windows."""
-    x0 = structure.bay_cuts[1] if structure.bays[0][0] <= margin and len(structure.bays) > 1 else 0
-    x1 = structure.bay_cuts[-2] if structure.bays[-1][1] >= width - margin and len(structure.bays) > 1 else width
-    return (x0, x1) if x1 > x0 else (0, width)

@@ -160,10 +160,10 @@ def _floor_kinds(labels: UInt8Array, floors: list[Span], top: int) -> tuple[str,
             (band == FacadeClass.ROOF).mean(),
             np.isin(band, (FacadeClass.WALL, FacadeClass.BALCONY, FacadeClass.SHOP, FacadeClass.DOOR)).mean(),
         )
-        street = np.isin(band, (FacadeClass.DOOR, FacadeClass.SHOP)).mean()
+        street = np.isin(band, (FacadeClass.DOOR, FacadeClass.SHOP)).any(axis=0).mean()
         if roof > wall and k < len(floors) - 1:
             kinds.append("roof")
-        elif k == len(floors) - 1 and (street > 0.05 or labels.shape[0] - b < 0.7 * (b - a)):
+        elif k == len(floors) - 1 and (street > 0.04 or labels.shape[0] - b < 0.7 * (b - a)):
             kinds.append("ground")
         else:
             kinds.append("middle")

@@ -39,11 +39,11 @@ def choose_exemplars(
 ) -> Int64Array:
     """Choose an exemplar for each wall; the walls of one building share theirs.
 
-    Bad exemplars are left out while enough others are left. The misfit is that of the building's widest wall: floors, floor
+    Bad exemplars are left out while another is left. The misfit is that of the building's widest wall: floors, floor
     height, families of the street, and quality of the upper floors. A random cost by (seed, building) adds variety.
-    Neighbours take different exemplars while there are others, then the one with the farthest use, and avoid similar ones.
-    No exemplar takes more than a share of a neighbourhood while others are left. A choice depends on the neighbourhood
-    only, not on order or number, except that kept choices are there before all others.
+    Neighbours take different exemplars while there are others as good, then the one with the farthest use, and avoid
+    similar ones. A choice depends on the neighbourhood only, not on order or number, except that kept choices are there
+    before all others.
 
     Parameters
     ----------
@@ -66,17 +66,58 @@ def choose_exemplars(
     misfit += EXEMPLAR_CHOICE.random_cost * draws[:, 1:]
     misfit += EXEMPLAR_CHOICE.other_family_cost * ~_is_in_street_families(walls.street[main], library.family, seed)
     near, metres = _neighbouring_buildings(walls.ends, row, len(numbers))
-    width = np.asarray(np.bincount(row, walls.width), np.float64)
-    rank = _rank_buildings(numbers, draws[:, 0], width)
-    is_good = np.asarray(library.body, float) >= EXEMPLAR_CHOICE.min_body
-    is_good |= is_good.sum() < EXEMPLAR_CHOICE.min_exemplars
+    body = np.asarray(library.body, float)
+    misfit[:, body < min(EXEMPLAR_CHOICE.min_body, float(body.max()))] = np.inf
 
     chosen = np.full(len(numbers), -1) if kept is None else kept[main]
-    order_of_choice = np.argsort(rank)
+    order_of_choice = np.argsort(draws[:, 0], kind="stable")
     for i in order_of_choice[chosen[order_of_choice] < 0].tolist():
-        fits = np.where(_exceeds_share(chosen, width, i, near[i], is_good), np.inf, misfit[i])
-        chosen[i] = _cheapest_exemplar(fits, chosen[near[i]], metres[i], library)
+        chosen[i] = _cheapest_exemplar(misfit[i], chosen[near[i]], metres[i], library)
     return chosen[row]
+
+
+def choose_ground_floors(
+    library: ExemplarLibrary,
+    chosen: Int64Array,
+    *,
+    building: Int64Array,
+    width: Float64Array,
+    shops: Int64Array,
+    seed: int,
+) -> Int64Array:
+    """Choose the exemplar whose ground floor each wall shows; the walls of one building share theirs.
+
+    It is well seen, like the wall's exemplar in colour, light and form, fits the building's narrowest front, and has shops
+    where the map has them alone. The exemplar's own ground floor is the most like it. A plain one is better than one that is
+    nothing like it.
+
+    Parameters
+    ----------
+    library : exemplars to choose from.
+    chosen : (n,) exemplar of each wall.
+    building, width, shops : (n,) as in `ExemplarTargetWalls`.
+    seed : random seed.
+
+    Returns
+    -------
+    (n,) index of the exemplar, -1 for a plain ground floor.
+    """
+    foot = np.asarray(library.foot, float)
+    if not len(chosen):
+        return np.zeros(0, np.int64)
+    numbers, first, row = np.unique(building, return_index=True, return_inverse=True)
+    narrowest = np.full(len(numbers), np.inf)
+    np.minimum.at(narrowest, row, width)
+    is_unfit = EXEMPLAR_CHOICE.min_front_share * np.asarray(library.fronts, float) > narrowest[:, None]
+    draws = np.array([np.random.default_rng([seed, number, 1]).random(len(foot)) for number in numbers.tolist()])
+    draws[np.arange(len(first)), chosen[first]] = 0.0
+    cost = library.distance[chosen[first]] + EXEMPLAR_CHOICE.foot_cost * (1 - foot)
+    is_unfit |= (np.asarray(library.shops, float) > 0) & (shops[first, None] == 0)
+    cost += _shop_mismatch_costs(shops[first], library) + EXEMPLAR_CHOICE.unfit_cost * is_unfit
+    cost += EXEMPLAR_CHOICE.random_cost * draws
+    cost[:, foot < EXEMPLAR_CHOICE.min_foot] = np.inf
+    best = np.where(cost.min(axis=1) < EXEMPLAR_CHOICE.plain_cost, cost.argmin(axis=1), -1)
+    return np.asarray(best[row], np.int64)
 
 
 @dataclass(frozen=True)
@@ -108,8 +149,7 @@ def exemplar_choice_order(walls: ExemplarTargetWalls, *, seed: int) -> ExemplarC
     """Compute the order in which `choose_exemplars` visits buildings."""
     numbers, row = np.unique(walls.building, return_inverse=True)
     near, _ = _neighbouring_buildings(walls.ends, row, len(numbers))
-    width = np.asarray(np.bincount(row, walls.width), np.float64)
-    rank = _rank_buildings(numbers, _draw_by_building(numbers, seed, 1)[:, 0], width)
+    rank = np.argsort(np.argsort(_draw_by_building(numbers, seed, 1)[:, 0], kind="stable"))
     return ExemplarChoiceOrder(numbers, tuple(others[rank[others] < rank[one]] for one, others in enumerate(near)))
 
 
@@ -117,17 +157,6 @@ def _draw_by_building(numbers: Int64Array, seed: int, count: int) -> Float64Arra
     """Draw random numbers by (seed, building), (b, count); the first orders the choices."""
     draws = [np.random.default_rng([seed, number]).random(count) for number in numbers.tolist()]
     return np.array(draws).reshape(-1, count)
-
-
-def _rank_buildings(numbers: Int64Array, draws: Float64Array, width: Float64Array) -> Int64Array:
-    """Return the rank (b,) in which buildings choose: wider ones first, by `draws` (b,) among those of similar width.
-
-    A wide building exceeds the share of an exemplar alone. After its neighbours it would get the exemplar that fits none.
-    """
-    octave = np.floor(np.log2(np.maximum(width, 1.0)))
-    rank = np.empty(len(numbers), np.int64)
-    rank[np.lexsort((numbers, draws, -octave))] = np.arange(len(numbers))
-    return rank
 
 
 def _misfit_costs(walls: ExemplarTargetWalls, main: Int64Array, library: ExemplarLibrary) -> Float64Array:
@@ -142,11 +171,14 @@ def _misfit_costs(walls: ExemplarTargetWalls, main: Int64Array, library: Exempla
         walls.height[main] / floors, np.asarray(library.height, float) / given
     )
     misfit += EXEMPLAR_CHOICE.width_cost * ratio(walls.width[main], np.asarray(library.width, float))
-    body, shops = np.asarray(library.body, float), np.append(np.asarray(library.shops, float), 0.0)
-    misfit += EXEMPLAR_CHOICE.quality_cost * (1 - body)
-    mapped, has_shops = walls.shops[main][:, None], shops[library.ground_floor] > 0
-    misfit += EXEMPLAR_CHOICE.shop_mismatch_cost * ((mapped >= 0) & (has_shops != (mapped > 0)))
-    return misfit
+    misfit += EXEMPLAR_CHOICE.quality_cost * (1 - np.asarray(library.body, float))
+    return misfit + _shop_mismatch_costs(walls.shops[main], library)
+
+
+def _shop_mismatch_costs(mapped: Int64Array, library: ExemplarLibrary) -> Float64Array:
+    """Compute the cost (b, k) of exemplars with shops for buildings (b,) without, and the other way round."""
+    is_wrong = (np.asarray(library.shops, float) > 0) != (mapped[:, None] > 0)
+    return np.asarray(EXEMPLAR_CHOICE.shop_mismatch_cost * ((mapped[:, None] >= 0) & is_wrong))
 
 
 def _is_in_street_families(street: Int64Array, family: Int64Array, seed: int) -> BoolArray:
@@ -181,33 +213,6 @@ def _neighbouring_buildings(
     pairs, metres = pairs[new], metres[new]
     cuts = np.searchsorted(pairs[:, 0], np.arange(1, count))
     return np.split(pairs[:, 1], cuts), np.split(metres, cuts)
-
-
-def _exceeds_share(
-    chosen: Int64Array, width: Float64Array, own: int, near: Int64Array, is_good: BoolArray
-) -> BoolArray:
-    """Return the exemplars (k,) that are bad or would cover too much of what has chosen near a building, never all of them.
-
-    Parameters
-    ----------
-    chosen : (b,) exemplars of buildings, -1 for none yet.
-    width : (b,) width of their walls, metres.
-    own : building that chooses.
-    near : (n,) its neighbours.
-    is_good : (k,) exemplars to choose from.
-    """
-    has = near[chosen[near] >= 0]
-    covered = np.bincount(chosen[has], width[has], len(is_good)) + float(width[own])
-    share = covered / (width[has].sum() + width[own])
-    is_more: BoolArray = ~is_good | (
-        share
-        > max(
-            EXEMPLAR_CHOICE.max_exemplar_share,
-            EXEMPLAR_CHOICE.spare_share / is_good.sum(),
-            float(share[is_good].min()),
-        )
-    )
-    return is_more
 
 
 def _cheapest_exemplar(misfit: Float64Array, theirs: Int64Array, metres: Float64Array, library: ExemplarLibrary) -> int:

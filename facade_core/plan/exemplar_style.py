@@ -25,6 +25,7 @@ class ExemplarLibrary:
     width, height : metres.
     floors : number of floors.
     shops : share of the width with shops.
+    fronts : metres of the narrowest shop; 0 without shops.
     body, foot : quality of the upper floors and of the ground floor, 0 to 1, `facade_core.facade.exemplar_quality`.
     descriptors : (k, 9), see `style_descriptor`.
     """
@@ -33,6 +34,7 @@ class ExemplarLibrary:
     height: Sequence[float]
     floors: Sequence[float]
     shops: Sequence[float]
+    fronts: Sequence[float]
     body: Sequence[float]
     foot: Sequence[float]
     descriptors: Sequence[Sequence[float]]
@@ -51,21 +53,6 @@ class ExemplarLibrary:
         looks = (np.asarray(self.descriptors, float).reshape(len(self.floors), -1) / _DESCRIPTOR_SCALES)[:, first:]
         distances: Float64Array = np.sqrt(((looks[:, None] - looks[None]) ** 2).sum(axis=-1))
         return distances
-
-    @cached_property
-    def ground_floor(self) -> Int64Array:
-        """Return the exemplar whose ground floor each shows, (k,): its own if the picture shows it well, else another's.
-
-        The others are like it and well seen, and not all the same; -1 where none of the library is well seen.
-        """
-        foot = np.asarray(self.foot, float)
-        whole = np.flatnonzero(foot >= EXEMPLAR_STYLE.min_foot)
-        found, uses = np.arange(len(foot)), np.zeros(len(foot))
-        for exemplar in np.flatnonzero(foot < EXEMPLAR_STYLE.min_foot).tolist():
-            cost = self.distance[exemplar] + EXEMPLAR_STYLE.foot_cost * (1 - foot) + EXEMPLAR_STYLE.use_cost * uses
-            found[exemplar] = whole[np.argmin(cost[whole])] if len(whole) else -1
-            uses[found[exemplar]] += 1
-        return found
 
     @cached_property
     def family(self) -> Int64Array:

@@ -31,40 +31,44 @@ class ExemplarChoiceSettings:
 
     Attributes
     ----------
-    random_cost : greatest random cost, for variety among exemplars that fit.
+    random_cost : greatest random cost, for variety among exemplars and ground floors that fit.
     floors_cost, floor_height_cost, width_cost : costs per log ratio of floors, of floor height, and of width, which
         hardly matters as bays are repeated and dropped.
-    quality_cost : cost of an exemplar whose upper floors have no quality.
-    min_body, min_exemplars : quality of the upper floors below which an exemplar is not taken while so many are better.
-    max_exemplar_share, spare_share : greatest share of a neighbourhood's walls that one exemplar takes, by the width
-        of those that have chosen. In a small library it is SPARE_SHARE times an equal share, and where all exemplars
-        would exceed it, the least that one would cover.
+    quality_cost : cost of an exemplar whose upper floors have no quality; quality beats variety.
+    min_body : quality of the upper floors below which an exemplar is not taken while another is better.
     neighbourhood_m : buildings with walls within this distance are neighbours, which are seen together; metres.
-    same_exemplar_cost, similar_cost : cost of a neighbour's exemplar, above any misfit, and greatest cost of a
-        similar exemplar.
+    same_exemplar_cost, similar_cost : cost of the exemplar of a distant neighbour, twice that of one beside it, and
+        greatest cost of a similar exemplar.
     same_form_cost, form_distance : greatest cost of a neighbour's form in other colours, and the form distance at
         which it has fallen to 1 / e.
     families_per_street, other_family_cost : families of exemplars per street, and the cost of another family.
     shop_mismatch_cost : cost of shops where the map has none, and the other way round.
+    min_foot : quality of a ground floor below which another's is shown.
+    foot_cost, plain_cost : costs of a ground floor of no quality, and of a plain one of the exemplar's own body, in style
+        distances.
+    unfit_cost, min_front_share : cost of a ground floor with shops where the map has none, or whose narrowest shop is wider
+        than the wall if it were squeezed to this share.
     """
 
     random_cost: float = 0.8
     floors_cost: float = 0.7
     floor_height_cost: float = 0.7
     width_cost: float = 0.05
-    quality_cost: float = 3.0
+    quality_cost: float = 10.0
     min_body: float = 0.4
-    min_exemplars: int = 4
-    max_exemplar_share: float = 0.15
-    spare_share: float = 1.5
     neighbourhood_m: float = 60.0
-    same_exemplar_cost: float = 100.0
+    same_exemplar_cost: float = 3.0
     similar_cost: float = 1.2
     same_form_cost: float = 3.0
     form_distance: float = 0.5
     families_per_street: int = 3
     other_family_cost: float = 1.0
     shop_mismatch_cost: float = 1.4
+    min_foot: float = 0.7
+    foot_cost: float = 10.0
+    plain_cost: float = 3.0
+    unfit_cost: float = 5.0
+    min_front_share: float = 0.8
 
 
 EXEMPLAR_CHOICE = ExemplarChoiceSettings()
@@ -72,23 +76,17 @@ EXEMPLAR_CHOICE = ExemplarChoiceSettings()
 
 @dataclass(frozen=True, slots=True)
 class ExemplarStyleSettings:
-    """Families of exemplars, and the ground floors that they lend each other.
+    """Families of exemplars.
 
     Attributes
     ----------
     family_size, max_families : exemplars per family, and families per library.
     colour_components : leading components that describe the colour.
-    min_foot : quality of a ground floor below which another's is shown.
-    foot_cost, use_cost : costs of a ground floor of no quality, and of each exemplar that shows it already, in style
-        distances.
     """
 
     family_size: int = 5
     max_families: int = 8
     colour_components: int = 3
-    min_foot: float = 0.7
-    foot_cost: float = 10.0
-    use_cost: float = 0.5
 
 
 EXEMPLAR_STYLE = ExemplarStyleSettings()

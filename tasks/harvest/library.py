@@ -275,6 +275,7 @@ def _families(exemplars: Sequence[Candidate]) -> list[int]:
         height=[one["height_m"] for one in records],
         floors=[one["floors"] for one in records],
         shops=zeros,
+        fronts=zeros,
         body=zeros,
         foot=zeros,
         descriptors=[one["look"] for one in records],

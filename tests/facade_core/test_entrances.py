@@ -13,7 +13,7 @@ from benchmarks.painter.facade import paint_facade as paint
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Building, IngestSettings, Street
 from facade_core.facade.texture.building_walls import compose_wall
-from facade_core.facade.texture.ground_floor import replace_shops_by_windows
+from facade_core.facade.texture.ground_floor import replace_ground_floor_by_windows
 from facade_core.facade.texture.retargeting import ExemplarAnalysis, analyse_exemplar
 from facade_core.facade.texture.wall_floors import FacadeWall
 from facade_core.geometry.walls import WallRole
@@ -106,8 +106,8 @@ def test_a_corner_shows_the_shop_of_its_building_and_no_storey_moves(style: Exem
     assert not np.isin(labels[:, [0, -1]], (FacadeClass.SHOP, FacadeClass.DOOR, FacadeClass.WINDOW)).any(), (
         "nothing is cut at its edges"
     )
-    plain = analyse_exemplar(*replace_shops_by_windows(style.image, style.labels))
-    bare_image, bare = compose_wall(plain, corner(width), floor_style=style, metres_per_pixel=MPP)
+    plain = analyse_exemplar(*replace_ground_floor_by_windows(style.image, style.labels, MPP))
+    bare_image, bare = compose_wall(plain, corner(width), metres_per_pixel=MPP)
     assert not np.isin(bare, (FacadeClass.SHOP, FacadeClass.DOOR)).any()
     assert image.shape == bare_image.shape
 
@@ -131,7 +131,7 @@ def doors_of(labels: np.ndarray) -> list[float]:
 
 def test_a_front_shows_a_door_where_the_map_has_one() -> None:
     painted = paint((16.2, 14.0), floors=5, columns=5, style="brick", metres_per_pixel=MPP, seed=8)
-    style = analyse_exemplar(*replace_shops_by_windows(painted.image, painted.labels))
+    style = analyse_exemplar(*replace_ground_floor_by_windows(painted.image, painted.labels, MPP))
     assert style.doors.any()
     wide = replace(FacadeWall.freestanding(14, 30, 5), entrances=())
     before = doors_of(compose_wall(style, wide, metres_per_pixel=MPP, seed=3)[1])

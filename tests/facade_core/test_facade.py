@@ -15,8 +15,9 @@ from facade_core.core.errors import ImageError
 from facade_core.core.labels import FacadeClass
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Element, Parsing
+from facade_core.facade import exemplar
 from facade_core.facade.evidence import Evidence
-from facade_core.facade.exemplar import count_columns, prepare_exemplar
+from facade_core.facade.exemplar import count_columns, measure_narrowest_shop, prepare_exemplar
 from facade_core.facade.exemplar_facade import BuildingPaint, ScaledStyle, build_facade_from_exemplar
 from facade_core.facade.photo_facade import build_facade_from_photo
 from facade_core.facade.texture.building_walls import compose_wall
@@ -97,6 +98,45 @@ def test_nothing_is_made_of_an_exemplar_that_nobody_keeps(monkeypatch: pytest.Mo
     monkeypatch.setattr("facade_core.facade.photo_facade.encode", never)
     prepared = prepare_exemplar(PAINTED.image, PAINTED.occluded, floor_height=3.2)
     assert set(prepared.seconds) >= {"parse", "elements", "complete", "inpaint", "scale"}
+
+
+def test_what_a_parse_of_an_exemplar_still_finds_is_filled_and_counts_against_its_ground_floor(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    clean = paint((13.0, 14.0), floors=4, columns=4, style="haussmann", metres_per_pixel=0.06, seed=2)
+    person = np.zeros(clean.labels.shape, bool)
+    person[-40:, 60:80] = True
+    observe, found = exemplar.observe_photo, iter([np.zeros_like(person), person])
+
+    def observe_and_add(evidence: Evidence, **more: Any) -> Evidence:
+        seen = observe(evidence, **more)
+        return replace(seen, hidden=seen.hidden | next(found)[-len(seen.hidden) :, -seen.hidden.shape[1] :])
+
+    whole = prepare_exemplar(clean.image, np.zeros_like(person), floor_height=3.2)
+    monkeypatch.setattr(exemplar, "observe_photo", observe_and_add)
+    monkeypatch.setattr(exemplar, "trim_to_facade", lambda photo: (photo, (0, 0, *photo.hidden.shape[::-1])))
+    again = prepare_exemplar(clean.image, np.zeros_like(person), floor_height=3.2)
+    assert next(found, None) is None, "it is parsed twice"
+    assert again.occluded[-20, 70 - (clean.labels.shape[1] - again.labels.shape[1])]
+    assert again.quality.foot < whole.quality.foot
+
+
+def test_the_narrowest_shop_is_no_error_of_the_parser() -> None:
+    labels = np.zeros((40, 200), np.uint8)
+    assert measure_narrowest_shop(labels, 0.1) == 0.0
+    for left, right in ((10, 70), (90, 130), (150, 154)):
+        labels[20:, left:right] = FacadeClass.SHOP
+    assert measure_narrowest_shop(labels, 0.1) == pytest.approx(4.0)
+
+
+def test_an_exemplar_is_trimmed_below_the_sky() -> None:
+    clean = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.06, seed=2)
+    sky = np.full((40, clean.labels.shape[1], 3), (150, 190, 240), np.uint8)
+    sky[:, : sky.shape[1] // 2] = clean.image[20, 5]  # beside a taller part
+    picture = np.concatenate([sky, clean.image])
+    prepared = prepare_exemplar(picture, np.zeros(picture.shape[:2], bool), floor_height=3.2)
+    assert prepared.box[1] >= 36
+    assert prepared.image.shape[0] == prepared.box[3] - prepared.box[1]
 
 
 def test_a_coarse_exemplar_is_enlarged_smoothly() -> None:

@@ -6,17 +6,22 @@ from dataclasses import fields, replace
 
 import cv2
 import numpy as np
+import pytest
 
 from benchmarks.painter.facade import paint_facade
 from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.ground_floor import (
     replace_ground_floor_by_windows,
-    replace_shops_by_windows,
     transplant_ground_floor,
 )
 from facade_core.facade.texture.tint import tint_facade
-from facade_core.parsing.floor_structure import count_floors, find_floors_and_bays
-from facade_core.plan.exemplar_choice import ExemplarTargetWalls, choose_exemplars, exemplar_choice_order
+from facade_core.parsing.floor_structure import find_floors_and_bays
+from facade_core.plan.exemplar_choice import (
+    ExemplarTargetWalls,
+    choose_exemplars,
+    choose_ground_floors,
+    exemplar_choice_order,
+)
 from facade_core.plan.exemplar_style import ExemplarLibrary, style_descriptor
 from facade_core.plan.settings import EXEMPLAR_CHOICE
 
@@ -48,6 +53,7 @@ def library(count: int, families: int = 1) -> ExemplarLibrary:
         [20.0] * count,
         [18.0] * count,
         [5.0] * count,
+        [0.0] * count,
         [0.0] * count,
         [1.0] * count,
         [1.0] * count,
@@ -93,35 +99,45 @@ def test_a_bad_exemplar_is_left_out_even_among_neighbours() -> None:
     body = [1.0, 1.0, EXEMPLAR_CHOICE.min_body - 0.1, 1.0, 1.0, 1.0]
     assert 2 in choose_exemplars(crowd, library(6), seed=1)
     assert 2 not in choose_exemplars(crowd, replace(library(6), body=body), seed=1)
-    few = replace(library(3), body=body[:3])
-    assert 2 in choose_exemplars(crowd, few, seed=1), "variety needs it"
+    all_bad = replace(library(2), body=[0.1, 0.2])
+    assert set(choose_exemplars(crowd, all_bad, seed=1)) == {1}, "the best of bad ones"
 
 
-def test_a_hidden_ground_floor_is_replaced_by_a_like_one() -> None:
+def test_a_poor_exemplar_is_shown_less_than_a_good_one_is_repeated() -> None:
+    """Quality beats variety: of six exemplars within sight of each other three are poor."""
+    crowd = replace(row(30), ends=row(30).ends / 16)
+    body = [1.0, 0.5, 1.0, 0.5, 1.0, 0.5]
+    used = np.bincount(choose_exemplars(crowd, replace(library(6), body=body), seed=1), minlength=6)
+    assert used[1::2].sum() < 0.2 * used.sum()
+
+
+def ground_floors(styles: ExemplarLibrary, chosen: list[int], width: float = 20.0, shops: int = -1) -> list[int]:
+    whole = np.ones(len(chosen))
+    return choose_ground_floors(
+        styles,
+        np.array(chosen),
+        building=np.arange(len(chosen)),
+        width=width * whole,
+        shops=(shops * whole).astype(np.int64),
+        seed=3,
+    ).tolist()
+
+
+def test_a_hidden_ground_floor_is_replaced_by_a_like_one_else_by_a_plain_one() -> None:
     """Exemplars 0 and 1 are of one family, 2 and 3 of the other."""
     styles = replace(library(4), descriptors=[[0.0] * 9, [1.0] + [0.0] * 8, [60.0] + [0.0] * 8, [61.0] + [0.0] * 8])
-    assert replace(styles, foot=[0.3, 0.9, 0.9, 0.4]).ground_floor.tolist() == [1, 1, 2, 2]
-    assert replace(styles, foot=[0.3, 0.2, 0.1, 0.4]).ground_floor.tolist() == [-1] * 4
-    alike = replace(library(12), foot=[0.9, 0.9, *[0.2] * 10])
-    assert set(np.bincount(alike.ground_floor[2:])) == {5}, "both are shown equally often"
+    assert ground_floors(replace(styles, foot=[0.3, 0.95, 0.95, 0.4]), [0, 1, 2, 3]) == [1, 1, 2, 2]
+    assert ground_floors(replace(styles, foot=[0.3, 0.2, 0.1, 0.4]), [0, 1, 2, 3]) == [-1] * 4
+    assert ground_floors(replace(styles, foot=[0.3, 0.9, 0.1, 0.4]), [2, 3]) == [-1] * 2, "the other style"
 
 
-def test_no_exemplar_covers_much_of_a_neighbourhood() -> None:
-    """Of 32 houses within sight of each other one is as wide as ten of the others."""
-    walls = replace(row(32), ends=row(32).ends / 12)
-    walls = replace(walls, width=np.where(np.arange(32) == 7, 90.0, 9.0))
-    chosen = choose_exemplars(walls, library(12), seed=3)
-    share = np.bincount(chosen, walls.width, 12) / walls.width.sum()
-    assert share[chosen[7]] < 120 / walls.width.sum(), "hardly anybody else takes that of the wide one"
-    assert np.sort(share)[-2] <= EXEMPLAR_CHOICE.max_exemplar_share
-
-
-def test_a_wide_building_gets_the_best_exemplar() -> None:
-    """Of 24 houses within sight of each other one is as wide as ten of the others; one exemplar of twelve is good."""
-    walls = replace(row(24), ends=row(24).ends / 12)
-    walls = replace(walls, width=np.where(np.arange(24) == 7, 90.0, 9.0))
-    one_good = replace(library(12), body=[1.0 if number == 5 else 0.3 for number in range(12)])
-    assert all(choose_exemplars(walls, one_good, seed=seed)[7] == 5 for seed in range(5))
+def test_a_ground_floor_fits_the_wall_and_has_the_shops_of_the_map() -> None:
+    looks = [[0.0] * 9, [6.0] + [0.0] * 8]
+    styles = replace(library(2), fronts=[11.0, 4.0], shops=[0.9, 0.0], descriptors=looks)
+    assert ground_floors(styles, [0], width=12.0) == [0]
+    assert ground_floors(styles, [0], width=6.0) == [1], "its shop is wider than the wall"
+    assert ground_floors(styles, [0], width=12.0, shops=0) == [1]
+    assert ground_floors(styles, [1], width=12.0, shops=1) == [0]
 
 
 def test_all_of_a_crowd_choose_one_after_the_other() -> None:
@@ -137,41 +153,19 @@ def test_shops_are_where_the_map_has_them() -> None:
     assert ((shopping % 2 == 1) == (np.arange(30) % 3 == 2)).mean() > 0.9
 
 
-def test_a_ground_floor_without_shops_keeps_its_door() -> None:
-    painted = paint_facade((16.0, 15.0), floors=4, columns=5, style="art-deco", metres_per_pixel=0.05, seed=6)
-    assert (painted.labels == FacadeClass.SHOP).any()
-    image, labels = replace_shops_by_windows(painted.image, painted.labels)
-    assert not (labels == FacadeClass.SHOP).any()
-    assert (labels == FacadeClass.DOOR).any()
-    assert count_floors(labels) == 4
-    ground = slice(-60, None)
-    assert (labels[ground] == FacadeClass.WINDOW).mean() > 0.1
-    changed = (image != painted.image).any(axis=(1, 2))
-    assert not changed[: len(changed) // 2].any()
-
-
-def test_a_door_whose_foot_was_hidden_goes_with_the_shops() -> None:
-    painted = paint_facade((16.0, 15.0), floors=4, columns=5, style="art-deco", metres_per_pixel=0.05, seed=6)
-    labels = painted.labels.copy()
-    foot = labels[-25:]
-    foot[foot == FacadeClass.DOOR] = FacadeClass.WALL
-    assert (labels == FacadeClass.DOOR).any()
-    assert not (replace_shops_by_windows(painted.image, labels)[1] == FacadeClass.DOOR).any()
-
-
 def test_the_ground_floor_of_another_exemplar_fits_bays_light_and_scale() -> None:
     own = paint_facade((16.0, 15.0), floors=4, columns=5, style="jugend", metres_per_pixel=0.05, seed=6)
     other = paint_facade((16.0, 9.0), floors=4, columns=3, style="art-deco", metres_per_pixel=0.04, seed=7)
     top, theirs = (find_floors_and_bays(each.labels).ground_top for each in (own, other))
     dark = (own.image * 0.6).astype(np.uint8)
-    image, labels = transplant_ground_floor(dark, own.labels, other.image, other.labels, 0.04 / 0.05)
+    image, labels = transplant_ground_floor(dark, own.labels, other.image, other.labels, (0.05, 0.04))
     height = round((len(other.labels) - theirs) * 0.8)
     assert labels.shape == image.shape[:2] == (top + height, own.labels.shape[1])
     np.testing.assert_array_equal(image[:top], dark[:top])
     ground, shown = labels[top:], np.unique(labels[top:])
     assert set(shown) <= set(np.unique(other.labels[theirs:]))
     assert (ground == FacadeClass.SHOP).any(), "no shop was cut off"
-    lit, _ = transplant_ground_floor(own.image, own.labels, other.image, other.labels, 0.04 / 0.05)
+    lit, _ = transplant_ground_floor(own.image, own.labels, other.image, other.labels, (0.05, 0.04))
     assert abs(image[top:].mean() / lit[top:].mean() - 0.6) < 0.05, "in the light of its own wall"
     sources = [each.bay_cuts for each in (find_floors_and_bays(labels), find_floors_and_bays(own.labels))]
     assert sources[0] == sources[1], "bays stay"
@@ -188,10 +182,23 @@ def test_a_plain_ground_floor_has_windows_and_a_door_and_no_smear() -> None:
     assert not (labels[top:] == FacadeClass.SHOP).any()
     assert cv2.connectedComponents((labels[top:] == FacadeClass.DOOR).astype(np.uint8))[0] == 2, "one door"
     assert (labels[-1] == FacadeClass.DOOR).any(), "which reaches the ground"
-    cut = np.zeros((16, 40), np.uint8)
-    cut[:, 10:30] = FacadeClass.WINDOW
-    grey = np.full((16, 40, 3), 128, np.uint8)
-    assert replace_ground_floor_by_windows(grey, cut, 0.05)[0] is grey, "windows reach its last row"
+
+
+def test_a_picture_without_its_ground_floor_gets_one_with_a_door() -> None:
+    """The picture ends below the windows of an upper floor."""
+    painted = paint_facade((16.0, 15.0), floors=4, columns=5, style="jugend", metres_per_pixel=0.05, seed=6)
+    found = find_floors_and_bays(painted.labels)
+    rows = slice(0, found.ground_top)
+    image, labels = replace_ground_floor_by_windows(painted.image[rows], painted.labels[rows], 0.05)
+    lowest = slice(found.floor_cuts[-3], found.ground_top)
+    assert (labels[-1] == FacadeClass.DOOR).sum() * 0.05 == pytest.approx(1.02, abs=0.1)
+    assert not (labels[: lowest.start] == FacadeClass.DOOR).any(), "no door above the ground"
+    assert find_floors_and_bays(labels).kinds[-1] == "ground"
+    np.testing.assert_array_equal(image[: lowest.start], painted.image[: lowest.start])
+    alone = np.zeros((60, 160), np.uint8)
+    alone[10:30, 40:60] = alone[10:30, 100:120] = FacadeClass.WINDOW
+    grey = np.full((60, 160, 3), 128, np.uint8)
+    assert (replace_ground_floor_by_windows(grey, alone, 0.05)[1][-1] == FacadeClass.DOOR).any(), "one floor"
 
 
 def test_walls_of_one_exemplar_differ_by_house() -> None:
@@ -269,6 +276,7 @@ def test_looks_tell_walls_apart() -> None:
         [1] * 3,
         [1] * 3,
         [1] * 3,
+        [0] * 3,
         [0] * 3,
         [1] * 3,
         [1] * 3,

@@ -36,7 +36,6 @@ def compose_wall(
     style: ExemplarAnalysis,
     wall: FacadeWall,
     *,
-    floor_style: ExemplarAnalysis | None = None,
     metres_per_pixel: float,
     output_metres_per_pixel: float | None = None,
     texel_m: float | None = None,
@@ -51,7 +50,6 @@ def compose_wall(
     ----------
     style : analysed exemplar.
     wall : metric wall.
-    floor_style : exemplar whose floor heights apply; a wall without shops follows the style with shops.
     metres_per_pixel : scale of the exemplar.
     output_metres_per_pixel : scale of the result; that of the exemplar by default.
     texel_m : metres of a texel of the final raster; a pixel of the result by default.
@@ -72,7 +70,7 @@ def compose_wall(
         raise ImageError(f"on_wall: {size} px and {wall.floors} storeys; pass at least 2 px a side and 1 storey")
     rng = np.random.default_rng(seed)
     plain = plainest_floor(style)
-    stack, scale = stack_floors(style, wall, metres_per_pixel, floor_style)
+    stack, scale = stack_floors(style, wall, metres_per_pixel)
 
     ends, counts = _divide_into_bays(style, wall, scale)
     blank, count = not counts, sum(counts) or 1
@@ -214,7 +212,8 @@ def _divide_into_bays(style: ExemplarAnalysis, wall: FacadeWall, scale: float) -
     """Return the ends of a wall's sections, metres, and their numbers of bays; none without room for a window."""
     bay = scale * float(np.diff(style.structure.bay_cuts).mean()) * (BAYS.back_bay_factor if wall.is_back else 1.0)
     window = scale * float(np.diff(style.structure.bays, axis=1).mean())
-    if wall.width < max(0.5 * bay, window + 2 * BAYS.window_margin_m):
+    least = BAYS.min_width_share * window if wall.on_street else max(0.5 * bay - 2 * BAYS.window_margin_m, window)
+    if wall.width < least + 2 * BAYS.window_margin_m:
         return [0.0, wall.width], []
     ends = _wall_sections(wall, bay)
     return ends, [max(1, round((right - left) / bay)) for left, right in pairwise(ends)]

@@ -1,27 +1,33 @@
-"""Ground floor of an exemplar: another's, a residential one, or a plain one."""
+"""Ground floor of an exemplar: another's, or a plain one."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import cv2
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float64Array, UInt8Array
+from facade_core.core.arrays import Float64Array, UInt8Array
 from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.entrances import fill_with_door
-from facade_core.facade.texture.settings import GROUND_FLOOR
+from facade_core.facade.texture.ground_units import arrange_units, compose_units, find_ground_units
+from facade_core.facade.texture.settings import ENTRANCES, GROUND_FLOOR
 from facade_core.facade.wall_material import lit_colour
-from facade_core.parsing.floor_structure import FloorsAndBays, find_floors_and_bays, spans_above_threshold
+from facade_core.parsing.floor_structure import FloorsAndBays, find_floors_and_bays
 
 
 def transplant_ground_floor(
-    image: UInt8Array, labels: UInt8Array, other_image: UInt8Array, other_labels: UInt8Array, scale: float
+    image: UInt8Array,
+    labels: UInt8Array,
+    other_image: UInt8Array,
+    other_labels: UInt8Array,
+    metres_per_pixel: tuple[float, float],
 ) -> tuple[UInt8Array, UInt8Array]:
     """Replace the ground floor of an exemplar by another exemplar's, in its own light and the colour of its own wall.
 
-    Each bay takes one of the other's, stretched to its width; they follow each other as there. Without windows in either
-    nothing changes.
+    Shops and doors are arranged whole. Where they do not fit, or without shops, each bay takes one of the other's, stretched
+    to its width; they follow each other as there. Without windows in either nothing changes.
 
     Parameters
     ----------
@@ -29,7 +35,7 @@ def transplant_ground_floor(
     labels : (H, W) uint8 class ids.
     other_image : (h, w, 3) uint8, the other exemplar.
     other_labels : (h, w) uint8.
-    scale : pixels of the exemplar for one of the other.
+    metres_per_pixel : scales of the exemplar and of the other.
 
     Returns
     -------
@@ -38,7 +44,7 @@ def transplant_ground_floor(
     own, other = find_floors_and_bays(labels), find_floors_and_bays(other_labels)
     if own is None or other is None or other.ground_top >= other.bottom or own.ground_top <= own.top:
         return image, labels
-    rows = slice(other.ground_top, other.bottom)
+    rows, scale = slice(other.ground_top, other.bottom), metres_per_pixel[1] / metres_per_pixel[0]
     height = max(1, round((other.bottom - other.ground_top) * scale))
     gain = _wall_gain(
         _wall_colour(image, labels, _lowest_upper_floor(own)),
@@ -47,22 +53,21 @@ def transplant_ground_floor(
     is_wall = other_labels[rows] == FacadeClass.WALL
     lit = other_image[rows] * np.where(is_wall[..., None], gain, gain.mean())
     source = np.clip(np.rint(lit), 0, 255).astype(np.uint8), other_labels[rows]
-    ground = np.zeros((height, labels.shape[1], 3), np.uint8), np.zeros((height, labels.shape[1]), np.uint8)
-    widths, theirs = (np.diff(np.array(each.bay_cuts)) for each in (own, other))
-    first = _first_bay(widths, theirs * scale)
-    for number, (left, right) in enumerate(pairwise(own.bay_cuts)):
-        bay = (first + number) % len(theirs)
-        part = slice(*other.bay_cuts[bay : bay + 2])
-        _paste((ground[0][:, left:right], ground[1][:, left:right]), (source[0][:, part], source[1][:, part]))
+    width, units = labels.shape[1], find_ground_units(*source, metres_per_pixel[1])
+    rng = np.random.default_rng(0)
+    size = width * metres_per_pixel[0]
+    arranged = None if units is None else arrange_units(units, size, metres_per_pixel[1], rng)
+    if units is not None and arranged is not None:
+        borders = np.array([0, len(source[1])]), np.array([0, height])
+        ground = compose_units(source, units, arranged, borders, width, metres_per_pixel[::-1])
+    else:
+        ground = np.zeros((height, width, 3), np.uint8), np.zeros((height, width), np.uint8)
+        for number, (left, right) in enumerate(pairwise(own.bay_cuts)):
+            bay = number % len(other.bays)
+            part = slice(*other.bay_cuts[bay : bay + 2])
+            _paste((ground[0][:, left:right], ground[1][:, left:right]), (source[0][:, part], source[1][:, part]))
     above = slice(0, own.ground_top)
     return np.concatenate([image[above], ground[0]]), np.concatenate([labels[above], ground[1]])
-
-
-def _first_bay(widths: Float64Array, theirs: Float64Array) -> int:
-    """Return the bay (of k) from which another's bays fit the widths (n,) of bays best, one after the other."""
-    bays = np.arange(len(theirs))[:, None] + np.arange(len(widths))
-    stretch = np.abs(np.log(theirs[bays % len(theirs)] / widths)).mean(axis=1)
-    return int(np.argmin(stretch))
 
 
 def _wall_gain(colour: Float64Array | None, other: Float64Array | None) -> Float64Array:
@@ -90,6 +95,8 @@ def replace_ground_floor_by_windows(
 ) -> tuple[UInt8Array, UInt8Array]:
     """Replace the whole ground floor of an exemplar by windows of an upper floor, with a plain door in a middle bay.
 
+    Where the picture cuts the ground floor off, the lowest floor is one.
+
     Parameters
     ----------
     image : (H, W, 3) uint8.
@@ -97,50 +104,37 @@ def replace_ground_floor_by_windows(
     metres_per_pixel : scale of the exemplar.
     """
     found = find_floors_and_bays(labels)
+    if found is not None and not (found.kinds[-1] == "ground" or found.has_ground_band):
+        kinds = (*found.kinds[:-1], "ground") if "middle" in found.kinds[:-1] else found.kinds
+        found = replace(found, kinds=kinds, ground_top=found.floor_cuts[-2])
     source = None if found is None else _residential_floor(found, labels)
-    if found is None or source is None or found.ground_top >= found.bottom:
+    if found is None or source is None:
         return image, labels
-    new_image, new_labels = _show_windows(image, labels, found, source, np.ones(labels.shape[1], bool))
-    band = slice(found.ground_top, found.bottom)
-    left, right = found.bays[len(found.bays) // 2]
-    rows = np.flatnonzero((new_labels[band, left:right] == FacadeClass.WINDOW).any(axis=1))
-    top = found.ground_top + (int(rows[0]) if len(rows) else 0)
-    door = slice(top, found.bottom), slice(left, right)
-    fill_with_door(
-        new_image, new_labels, door, metres_per_pixel, np.random.default_rng(int(image.sum(dtype=np.uint64)))
+    new_image, new_labels = image.copy(), labels.copy()
+    if found.ground_top > found.top:
+        new_image, new_labels = _show_windows(image, labels, found, source)
+    bay = len(found.bays) // 2
+    middle, half = sum(found.bays[bay]) // 2, round(ENTRANCES.door_size_m[0] / 2 / metres_per_pixel)
+    columns = slice(max(found.bay_cuts[bay], middle - half), min(found.bay_cuts[bay + 1], middle + half))
+    top = max(found.ground_top, found.bottom - round(ENTRANCES.door_size_m[1] / metres_per_pixel))
+    reach = round(ENTRANCES.door_margin_m / metres_per_pixel)
+    _clear_bay(
+        new_image, new_labels, slice(found.ground_top, found.bottom), slice(*found.bay_cuts[bay : bay + 2]), reach
     )
+    rng = np.random.default_rng(int(image.sum(dtype=np.uint64)))
+    fill_with_door(new_image, new_labels, (slice(top, found.bottom), columns), metres_per_pixel, rng)
     return new_image, new_labels
 
 
-def replace_shops_by_windows(image: UInt8Array, labels: UInt8Array) -> tuple[UInt8Array, UInt8Array]:
-    """Replace the shops of an exemplar's ground floor by windows of an upper floor.
-
-    The source is the lowest floor with the fewest balconies, if possible not the topmost, scaled to the height of the
-    ground floor. A bay without balconies replaces one with balconies. Doors that reach the ground stay. Without shops or a
-    source floor nothing changes.
-
-    Parameters
-    ----------
-    image : (H, W, 3) uint8.
-    labels : (H, W) uint8 class ids.
-
-    Returns
-    -------
-    Image and labels.
-    """
-    found = find_floors_and_bays(labels)
-    source_rows = None if found is None else _residential_floor(found, labels)
-    if found is None or source_rows is None or not (labels[found.ground_top :] == FacadeClass.SHOP).any():
-        return image, labels
-    top, bottom = found.ground_top, found.bottom
-    rim = round(GROUND_FLOOR.jamb_share * (bottom - top))
-    is_door = labels[top:bottom] == FacadeClass.DOOR
-    foot = is_door[round((1 - GROUND_FLOOR.door_foot_share) * (bottom - top)) :].any(axis=0)
-    door = np.zeros((1, labels.shape[1]), np.uint8)
-    for left, right in spans_above_threshold(is_door.any(axis=0).astype(np.float64), 0.5):
-        door[0, left:right] = foot[left:right].any()
-    free = cv2.dilate(door, np.ones((1, 2 * rim + 1), np.uint8))[0] == 0
-    return _show_windows(image, labels, found, source_rows, free)
+def _clear_bay(image: UInt8Array, labels: UInt8Array, rows: slice, bay: slice, reach: int) -> None:
+    """Replace the elements of a bay of a floor, and the frames so far around them, by its piers, in place."""
+    element = (labels[rows, bay] != FacadeClass.WALL).any(axis=0).astype(np.uint8)
+    framed = cv2.dilate(element[None], np.ones((1, 2 * reach + 1), np.uint8))[0] > 0
+    pier = np.flatnonzero(~framed)
+    if len(pier):
+        source = np.resize(np.concatenate([pier, pier[::-1]]), int(framed.sum()))
+        image[rows, bay][:, framed] = image[rows, bay][:, source]
+        labels[rows, bay] = FacadeClass.WALL
 
 
 def _residential_floor(found: FloorsAndBays, labels: UInt8Array) -> slice | None:
@@ -151,10 +145,10 @@ def _residential_floor(found: FloorsAndBays, labels: UInt8Array) -> slice | None
 
 
 def _show_windows(
-    image: UInt8Array, labels: UInt8Array, found: FloorsAndBays, source_rows: slice, free: BoolArray
+    image: UInt8Array, labels: UInt8Array, found: FloorsAndBays, source_rows: slice
 ) -> tuple[UInt8Array, UInt8Array]:
-    """Show a floor in place of the ground floor, in its free columns (W,), in the light of the floor above."""
-    top, bottom = found.ground_top, found.bottom
+    """Show a floor in place of the ground floor, in the light of the floor above."""
+    ground = slice(found.ground_top, found.bottom)
     bays = [slice(a, b) for a, b in pairwise((0, *found.bay_cuts[1:-1], labels.shape[1]))]
     plain = [not (labels[source_rows, bay] == FacadeClass.BALCONY).any() for bay in bays]
     gain = _wall_gain(_wall_colour(image, labels, _lowest_upper_floor(found)), _wall_colour(image, labels, source_rows))
@@ -162,11 +156,8 @@ def _show_windows(
     for number, bay in enumerate(bays):
         # The nearest bay without balconies, the bay itself first.
         nearest = min(range(len(bays)), key=lambda other: (any(plain) and not plain[other], abs(other - number)))
-        shown = new_image[top:bottom, bay].copy(), new_labels[top:bottom, bay].copy()
         source = np.clip(np.rint(image[source_rows, bays[nearest]] * gain), 0, 255).astype(np.uint8)
-        _paste(shown, (source, labels[source_rows, bays[nearest]]))
-        kept = free[bay]
-        new_image[top:bottom, bay][:, kept], new_labels[top:bottom, bay][:, kept] = shown[0][:, kept], shown[1][:, kept]
+        _paste((new_image[ground, bay], new_labels[ground, bay]), (source, labels[source_rows, bays[nearest]]))
     return new_image, new_labels
 
 

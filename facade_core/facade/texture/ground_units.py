@@ -141,24 +141,25 @@ def _fit_units(sizes: Float64Array, width: float) -> Float64Array:
 def _cheapest_sequence(price: Float64Array, widths: Float64Array, has_door: BoolArray, total: float) -> Int64Array:
     """Return the sequence (k,) of parts of some widths (n,), metres, with the least price and stretch to a total.
 
-    It has a door, unless that costs more than `no_door_cost`.
+    Each house of the exemplar's width has at most one door, and the whole at least one, unless that costs more than
+    `no_door_cost`.
     """
     count, steps = len(widths), np.maximum(1, np.rint(widths / GROUND_FLOOR.width_step_m).astype(int))
     most = int(1.5 * total / GROUND_FLOOR.width_step_m) + int(steps.max())
+    houses = max(1, round(total / float(widths.sum())))
     inner = np.zeros(count)
     inner[[0, -1]] = GROUND_FLOOR.end_unit_cost
-    # by the doors so far, 0 or more, the width so far and the last part
-    score = np.full((2, most + 1, count), np.inf)
-    came = np.full((2, most + 1, count, 2), -1)
+    # by the doors so far, the width so far and the last part
+    score = np.full((houses + 1, most + 1, count), np.inf)
+    came = np.full((houses + 1, most + 1, count, 2), -1)
     for part, step in enumerate(steps.tolist()):
         score[int(has_door[part]), step, part] = inner[part] * (part > 0)
     for at in range(1, most + 1):
         for part in np.flatnonzero(steps < at).tolist():
             options = score[:, at - steps[part]] + price[:, part] + inner[part]
-            options[1] += GROUND_FLOOR.door_cost * has_door[part]
             options[:, part] += GROUND_FLOOR.repeat_cost
-            for before in (0, 1):
-                after, best = max(before, int(has_door[part])), int(np.argmin(options[before]))
+            for before in range(houses + 1 - int(has_door[part])):
+                after, best = before + int(has_door[part]), int(np.argmin(options[before]))
                 if options[before, best] < score[after, at, part]:
                     score[after, at, part], came[after, at, part] = options[before, best], (before, best)
     score[came[..., count - 1, 0] >= 0, count - 1] -= inner[count - 1]  # the exemplar's end is at the wall's
@@ -215,19 +216,51 @@ def paint_ground_units(
     arranged = None if units is None else arrange_units(units, wall.width, scale, rng, wall.entrances)
     if units is None or arranged is None:
         return
+    image[top:], labels[top:] = compose_units(
+        (style.image[down[0] : down[-1]], style.labels[down[0] : down[-1]]),
+        units,
+        arranged,
+        (down - down[0], rows - top),
+        labels.shape[1],
+        metres_per_pixel,
+    )
+
+
+def compose_units(
+    source: tuple[UInt8Array, UInt8Array],
+    units: GroundUnits,
+    arranged: tuple[Int64Array, Float64Array],
+    rows: tuple[Int64Array, Int64Array],
+    width: int,
+    metres_per_pixel: tuple[float, float],
+) -> tuple[UInt8Array, UInt8Array]:
+    """Compose a ground floor from arranged units.
+
+    Parameters
+    ----------
+    source : image (h, w, 3) uint8 and labels (h, w) uint8 of the exemplar's ground floor.
+    units, arranged : its units, and their arrangement by `arrange_units`.
+    rows : borders (m,) of its rows, and of those of the result, pixels.
+    width : width of the result, pixels.
+    metres_per_pixel : scales of the exemplar and of the result.
+
+    Returns
+    -------
+    Image and labels.
+    """
     chosen, across = arranged
-    columns = np.rint(across / pixel).astype(np.int64)
-    columns[-1] = labels.shape[1]
-    wide = len(units.columns) - 1
-    tiles = wide * np.arange(len(own))[:, None] + (3 * chosen[:, None] + np.arange(3)).ravel()
-    image[top:], labels[top:] = compose_tiles(
-        np.ascontiguousarray(style.image[down[0] : down[-1]]),
-        np.ascontiguousarray(style.labels[down[0] : down[-1]]),
-        Lattice(tuple((down - down[0]).tolist()), tuple(units.columns.tolist())),
+    columns = np.rint(across / metres_per_pixel[1]).astype(np.int64)
+    columns[-1] = width
+    wide, bands = len(units.columns) - 1, len(rows[0]) - 1
+    tiles = wide * np.arange(bands)[:, None] + (3 * chosen[:, None] + np.arange(3)).ravel()
+    return compose_tiles(
+        np.ascontiguousarray(source[0]),
+        np.ascontiguousarray(source[1]),
+        Lattice(tuple(rows[0].tolist()), tuple(units.columns.tolist())),
         tiles.astype(np.int32),
-        rows - top,
+        rows[1],
         columns,
-        pixel / metres_per_pixel[0],
+        metres_per_pixel[1] / metres_per_pixel[0],
     )
 
 

@@ -131,6 +131,8 @@ def analyse_exemplar(image: UInt8Array, labels: UInt8Array) -> ExemplarAnalysis:
     if exemplar is None:
         raise ImageError("retarget: the exemplar's labels show no windows; pick another exemplar or label it again")
     labels = fill_sky_and_unknown(labels)
+    above = labels[: exemplar.ground_top]  # doors there are of balconies, shops are errors of the parser
+    above[above == FacadeClass.DOOR], above[above == FacadeClass.SHOP] = FacadeClass.WINDOW, FacadeClass.WALL
     grid = floor_bay_lattice(exemplar)
     bay_cuts = np.asarray(exemplar.bay_cuts)
     bands = {"roof": (exemplar.top, _roof_bottom(exemplar)), "ground": (exemplar.ground_top, exemplar.bottom)}
@@ -240,8 +242,8 @@ def initial_tiling(
     walks = {}
     for band, price in style.bay_price.items():
         if band == "ground" and style.doors.any():
-            most = max(1, round(int(style.doors.sum()) * count / bays / 1.5))
-            walks[band] = cheapest_walk(price * shake, *ends, count, marked=style.doors, max_marked=most)
+            houses = max(1, round(count / bays))  # of the exemplar's width, with one door each
+            walks[band] = cheapest_walk(price * shake, *ends, count, marked=style.doors, max_marked=houses)
         else:
             walks[band] = cheapest_walk(price * shake, *ends, count)
     if blank:

@@ -18,7 +18,8 @@ class BaySettings:
     min_section_bays : smallest width between seams, in bays, of a section with whole bays.
     seam_margin_m : distance of a window from a seam within its bay, metres.
     seam_margin_texels : the same in texels.
-    min_width_share : smallest width of a window next to a seam, as a share of its width; a narrower one is omitted.
+    min_width_share : smallest width of a window on a narrow wall or next to a seam, as a share of its width; a narrower one
+        is omitted.
     min_wall_share : smallest share of wall of a ground floor that continues over a narrow wall.
     min_corner_wall_share : the same for a corner without a shop.
     """
@@ -66,7 +67,7 @@ class FloorSettings:
     min_sill_share: float = 0.8
     eaves_tolerance_m: float = 0.3
     level_top_m: float = 0.3
-    max_crowned_rest_m: float = 0.5
+    max_crowned_rest_m: float = 1.5
     max_floor_stretch: float = 1.12
     max_ground_floor_m: float = 6.0
     max_window_share: float = 0.75
@@ -120,9 +121,6 @@ class GroundFloorSettings:
 
     Attributes
     ----------
-    jamb_share : wall kept on either side of a door, as a share of the ground floor's height.
-    door_foot_share : lowest part of the ground floor, as a share of its height, into which a door reaches. What ends above
-        it was hidden there.
     min_element_share : share of a column of the ground floor that shows an element; a lower one is a sill, a sign or an
         error of the parser.
     min_pier_m, min_element_m : smallest width of a pier, below which the elements beside it are one, and of an element;
@@ -131,7 +129,7 @@ class GroundFloorSettings:
     stretch_cost : cost per squared log ratio of the wall's width to that of the units.
     end_unit_cost : cost of a unit at the exemplar's left or right end inside of a wall.
     no_door_cost : cost of a wall without a door, where the exemplar has one.
-    door_cost, repeat_cost : costs of each further door, and of a unit next to itself.
+    repeat_cost : cost of a unit next to itself.
     squeezed_cost : cost of elements that are squeezed by more than `element_stretch`.
     pier_stretch : range of the stretch of piers before elements change.
     element_stretch : range of the stretch of elements; a wall that needs more is laid out by bays.
@@ -140,8 +138,6 @@ class GroundFloorSettings:
     max_gain, max_tint : largest factors by which another floor is lightened or darkened, and a colour of it beyond that.
     """
 
-    jamb_share: float = 0.12
-    door_foot_share: float = 0.15
     min_element_share: float = 0.12
     min_pier_m: float = 0.12
     min_element_m: float = 0.4
@@ -149,7 +145,6 @@ class GroundFloorSettings:
     stretch_cost: float = 6.0
     end_unit_cost: float = 0.3
     no_door_cost: float = 0.5
-    door_cost: float = 0.3
     repeat_cost: float = 0.3
     squeezed_cost: float = 10.0
     pier_stretch: tuple[float, float] = (0.5, 1.8)

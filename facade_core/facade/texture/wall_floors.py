@@ -97,9 +97,7 @@ def plainest_floor(style: ExemplarAnalysis) -> int:
     return middle[int(np.argmin(adorned))]
 
 
-def stack_floors(
-    style: ExemplarAnalysis, wall: FacadeWall, metres_per_pixel: float, floor_style: ExemplarAnalysis | None = None
-) -> tuple[list[WallFloor], float]:
+def stack_floors(style: ExemplarAnalysis, wall: FacadeWall, metres_per_pixel: float) -> tuple[list[WallFloor], float]:
     """Stack the floors of a wall from its top, with the borders of its building.
 
     Parameters
@@ -107,7 +105,6 @@ def stack_floors(
     style : analysed exemplar.
     wall : metric wall.
     metres_per_pixel : scale of the exemplar.
-    floor_style : exemplar whose floor heights apply; `style` by default.
 
     Returns
     -------
@@ -116,9 +113,6 @@ def stack_floors(
     pixels, count = round(wall.eaves / metres_per_pixel), limit_floor_count(wall.floors, wall.eaves)
     own, heights, scale = _exemplar_floors(style, pixels, count)
     scale *= metres_per_pixel
-    if floor_style is not None:
-        _, theirs, _ = _exemplar_floors(floor_style, pixels, count)
-        heights = theirs if len(theirs) == len(own) else heights
     heights = _limit_heights(heights * (wall.eaves / heights.sum()))
     lines = np.concatenate([[0.0], np.cumsum(heights[::-1])])
     at_eaves = abs(wall.foot + wall.height - wall.eaves) < FLOORS.eaves_tolerance_m

@@ -22,6 +22,7 @@ class ExemplarFacts(TypedDict, total=False):
     shaded : share of the wall in shadow.
     cut_found : whether a facade was found in the picture.
     shop_width : share of the width with shops.
+    front_m : narrowest shop, metres; 0 without shops.
     look : style descriptor, `facade_core.plan.exemplar_style`.
     quality : score of the exemplar, 0 to 1.
     quality_parts : parts of the score, `facade_core.facade.exemplar_quality`.
@@ -38,6 +39,7 @@ class ExemplarFacts(TypedDict, total=False):
     shaded: float
     cut_found: bool
     shop_width: float
+    front_m: float
     look: list[float]
     quality: float
     quality_parts: dict[str, float]

@@ -14,16 +14,15 @@ from facade_core.atlas.store import open_root
 from facade_core.atlas.stored_files import digest_stored_file, exemplar_folder
 from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.atlas_spec import ArraySpec
-from facade_core.core.errors import ImageError, StoreError
+from facade_core.core.errors import StoreError
 from facade_core.core.labels import FLAGS, FacadeClass
 from facade_core.core.resizing import resize_with_labels
 from facade_core.core.types import Privacy, TrainedModelFiles
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.export.pictures.occlusion_overlay import draw_crop_preview
-from facade_core.facade.exemplar import Exemplar, prepare_exemplar
+from facade_core.facade.exemplar import Exemplar, measure_narrowest_shop, prepare_exemplar
 from facade_core.imagery.detect.detection import detect_faces_plates_text, detectors_available
 from facade_core.imagery.privacy import apply_privacy
-from facade_core.imagery.rectify.level_lines import find_slope
 from facade_core.imagery.rectify.no_data import no_data_mask
 from facade_core.plan.exemplar_style import style_descriptor
 from tasks.engine.atlas import Atlas
@@ -105,13 +104,6 @@ def prepare_picture(inputs: ExemplarInputs) -> PreparedExemplar:
         models=inputs.models,
         seed=inputs.seed,
     )
-    x0, y0, x1, y1 = prepared.box
-    slope = find_slope(picture.rgb[y0:y1, x0:x1], hidden[y0:y1, x0:x1] | prepared.occluded)
-    if slope is not None:
-        raise ImageError(
-            f"its level lines slope by {slope:.0f} degrees; it is not rectified: `streetloom harvest` makes exemplars from "
-            "street photos"
-        )
     factor = prepared.metres_per_pixel * inputs.texels_per_metre
     height, width = (max(8, round(side * factor)) for side in prepared.labels.shape)
     shrink = min(1.0, MAX_EXEMPLAR_SIDE / max(height, width))
@@ -128,6 +120,7 @@ def prepare_picture(inputs: ExemplarInputs) -> PreparedExemplar:
         "shaded": round(prepared.shaded_share, 4),
         "cut_found": prepared.has_facade,
         "shop_width": round(float((labels == FacadeClass.SHOP).any(axis=0).mean()), 4),
+        "front_m": round(measure_narrowest_shop(labels, metres_per_texel), 2),
         "look": style_descriptor(texture, labels, metres_per_texel),
         "quality": round(prepared.quality.score, 3),
         "quality_parts": asdict(prepared.quality),

@@ -22,7 +22,7 @@ from facade_core.core.name_hash import hash_name
 from facade_core.core.types import Street
 from facade_core.core.zarr_types import StoreGroup, get_subgroup
 from facade_core.facade.exemplar_quality import ExemplarQuality
-from facade_core.plan.exemplar_choice import ExemplarTargetWalls, choose_exemplars
+from facade_core.plan.exemplar_choice import ExemplarTargetWalls, choose_exemplars, choose_ground_floors
 from facade_core.plan.exemplar_inputs import target_walls_from_outlines
 from facade_core.plan.exemplar_style import ExemplarLibrary
 from facade_core.plan.kept_choices import Wall, keeps_choice, walls_by_building
@@ -72,7 +72,7 @@ def choose_facade_exemplars(
     records = read_journal(group, "exemplars", ExemplarRecord)
     of_building, _ = _choose(run, block, plan, group)
     chosen = {i: of_building[number] for i, number in enumerate(plan.facades.house.tolist()) if of_building}
-    stated = _corrected_exemplars(plan, block, records) if chosen else {}
+    stated = _corrected_exemplars(plan, block, records, run.seed) if chosen else {}
     return chosen | stated, stated.keys()
 
 
@@ -160,8 +160,12 @@ def choose_building_exemplars(
 
     buildings = walls.building.tolist()
     given = np.array([find(kept[number]) if number in kept else -1 for number in buildings], np.int64)
-    found = dict(zip(buildings, choose_exemplars(walls, library, seed=seed, kept=given).tolist(), strict=True))
-    chosen = {number: usable[i] for number, i in found.items()}
+    exemplars = choose_exemplars(walls, library, seed=seed, kept=given)
+    found = dict(zip(buildings, exemplars.tolist(), strict=True))
+    grounds = choose_ground_floors(
+        library, exemplars, building=walls.building, width=walls.width, shops=walls.shops, seed=seed
+    )
+    chosen = _exchange_ground_floors(usable, buildings, exemplars, grounds)
     for number, choice in kept.items():
         if choice.picture == pictures[found[number]]:  # else the ground floor of another picture
             chosen[number] = _with_ground_floor(chosen[number], choice.ground_floor, usable)
@@ -173,13 +177,23 @@ def choose_building_exemplars(
     return chosen, [*(choice for choice in stored if (choice.building, choice.walls) not in replaced), *now]
 
 
+def _exchange_ground_floors(
+    usable: Sequence[ChosenExemplar], keys: Sequence[int], own: Int64Array, ground: Int64Array
+) -> dict[int, ChosenExemplar]:
+    """Return exemplars (n,) by key, each with the ground floor of another, or a plain one for -1."""
+    return {
+        key: usable[i] if i == other else replace(usable[i], ground_floor=usable[other] if other >= 0 else "plain")
+        for key, i, other in zip(keys, own.tolist(), ground.tolist(), strict=True)
+    }
+
+
 def _with_ground_floor(one: ChosenExemplar, name: str | None, usable: Sequence[ChosenExemplar]) -> ChosenExemplar:
     """Return an exemplar with the ground floor of a stored choice, unchanged if that is gone."""
     if name is None:
         return replace(one, ground_floor=None)
     if not name:
         return replace(one, ground_floor="plain")
-    others = [replace(other, ground_floor=None) for other in usable if other.name == name]
+    others = [other for other in usable if other.name == name]
     return replace(one, ground_floor=others[0]) if others else one
 
 
@@ -194,16 +208,23 @@ def facade_shops(plan: Plan, block: Block) -> Int64Array:
 
 
 def _corrected_exemplars(
-    plan: Plan, block: Block, records: Sequence[ExemplarRecord | None]
+    plan: Plan, block: Block, records: Sequence[ExemplarRecord | None], seed: int
 ) -> dict[int, ChosenExemplar]:
     """Return the exemplars that corrections name for the buildings of facades, if they could be prepared."""
-    usable = {one.name: one for one in usable_exemplars(records)[0]}
-    found = {}
-    for facade, building in enumerate(plan.facades.building.tolist()):
-        name = block.corrections.value_correction(plan.scene.names[building], "exemplar")
-        if name in usable:
-            found[facade] = usable[name]
-    return found
+    usable, library = usable_exemplars(records)
+    index = {one.name: i for i, one in enumerate(usable)}
+    names = [block.corrections.value_correction(plan.scene.names[one], "exemplar") for one in plan.facades.building]
+    facades = np.array([facade for facade, name in enumerate(names) if name in index], np.int64)
+    own = np.array([index[str(names[facade])] for facade in facades], np.int64)
+    grounds = choose_ground_floors(
+        library,
+        own,
+        building=plan.facades.house[facades],
+        width=plan.facades.width[facades],
+        shops=facade_shops(plan, block)[facades],
+        seed=seed,
+    )
+    return _exchange_ground_floors(usable, facades.tolist(), own, grounds)
 
 
 def facade_shop_flags(plan: Plan, places: Sequence[tuple[float, float]] | None) -> Int64Array:
@@ -254,15 +275,10 @@ def exemplar_choice_walls(plan: Plan, block: Block, shops: Int64Array) -> Exempl
 
 
 def usable_exemplars(records: Sequence[ExemplarRecord | None]) -> tuple[list[ChosenExemplar], ExemplarLibrary]:
-    """Return the exemplars that could be prepared, each with the ground floor that it shows, and the library of them."""
+    """Return the exemplars that could be prepared, and the library of them."""
     done = [(index, record) for index, record in enumerate(records) if record and record["status"] == "done"]
     library = exemplar_library([record for _, record in done])
-    plain = [ChosenExemplar(index, record["unit"], record["key"]) for index, record in done]
-    grounds = library.ground_floor.tolist()
-    return [
-        one if other == own else replace(one, ground_floor=plain[other] if other >= 0 else "plain")
-        for own, (one, other) in enumerate(zip(plain, grounds, strict=True))
-    ], library
+    return [ChosenExemplar(index, record["unit"], record["key"]) for index, record in done], library
 
 
 def exemplar_library(records: Sequence[ExemplarRecord]) -> ExemplarLibrary:
@@ -273,6 +289,7 @@ def exemplar_library(records: Sequence[ExemplarRecord]) -> ExemplarLibrary:
         [record["height_m"] for record in records],
         [record["floors"] for record in records],
         [record["shop_width"] for record in records],
+        [record.get("front_m", 0.0) for record in records],
         # where no facade was found in a picture all of it is a guess
         [
             quality.body if record.get("cut_found", True) else 0.0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 from facade_core.core.arrays import Float64Array, UInt8Array
@@ -9,11 +11,7 @@ from facade_core.core.errors import FacadeError
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.facade.exemplar_facade import BuildingPaint, ScaledStyle, build_facade_from_exemplar
 from facade_core.facade.facade import Facade
-from facade_core.facade.texture.ground_floor import (
-    replace_ground_floor_by_windows,
-    replace_shops_by_windows,
-    transplant_ground_floor,
-)
+from facade_core.facade.texture.ground_floor import replace_ground_floor_by_windows, transplant_ground_floor
 from facade_core.facade.texture.retargeting import ExemplarAnalysis, analyse_exemplar
 from facade_core.facade.texture.roof_removal import cut_off_roof
 from facade_core.plan.facade_walls import facade_wall
@@ -21,6 +19,9 @@ from tasks.engine.run import Run
 from tasks.stages.exemplars.worker import read_exemplar
 from tasks.stages.facades.imagery import ChosenExemplar, FacadeInputs
 from tasks.stages.facades.pictured_style import PicturedStyle
+
+# Image and labels of an exemplar, and its metres per texel.
+PictureAndScale = tuple[UInt8Array, UInt8Array, float]
 
 # Pixels of the exemplars that are kept; each takes 4 bytes, besides the tables of its lattice.
 MAX_KEPT_PIXELS = 8_000_000
@@ -31,7 +32,6 @@ class _ExemplarKey(NamedTuple):
 
     out: str
     exemplar: ChosenExemplar
-    shops: bool
     roof: bool
 
 
@@ -39,54 +39,45 @@ class _ExemplarKey(NamedTuple):
 _kept: dict[_ExemplarKey, tuple[ExemplarAnalysis, float]] = {}
 
 
-def analyse_style(image: UInt8Array, labels: UInt8Array, *, shops: bool, roof: bool) -> ExemplarAnalysis:
-    """Analyse a prepared exemplar, with or without its shops and its roof.
-
-    Parameters
-    ----------
-    image : (h, w, 3) uint8.
-    labels : (h, w) uint8 class ids.
-    shops : whether its shops are kept, or replaced by windows.
-    roof : whether its roof is kept, or cut off above the wall.
-    """
-    if not roof:
-        image, labels = cut_off_roof(image, labels)
-    if not shops:
-        image, labels = replace_shops_by_windows(image, labels)
-    return analyse_exemplar(image, labels)
-
-
 def load_exemplar_analysis(
-    run: Run, group: StoreGroup, exemplar: ChosenExemplar, *, shops: bool, roof: bool
+    run: Run, group: StoreGroup, exemplar: ChosenExemplar, *, roof: bool
 ) -> tuple[ExemplarAnalysis, float]:
-    """Return an analysed exemplar with its ground floor, with or without its shops and its roof, and its metres per texel.
+    """Return an analysed exemplar with the ground floor that it shows, and its metres per texel.
 
     Parameters
     ----------
     run : run of the unit.
     group : root of the store.
     exemplar : the exemplar.
-    shops, roof : as of `analyse_style`.
+    roof : whether its roof is kept, or cut off above the wall.
     """
-    entry = _ExemplarKey(run.out, exemplar, shops, roof)
+    entry = _ExemplarKey(run.out, exemplar, roof)
     analysed = _kept.pop(entry, None)
     if analysed is None:
-        image, labels, metres_per_texel = _read_with_ground_floor(group, exemplar)
-        analysed = analyse_style(image, labels, shops=shops, roof=roof), metres_per_texel
+        image, labels, metres_per_texel = read_with_ground_floor(partial(read_exemplar, group), exemplar)
+        if not roof:
+            image, labels = cut_off_roof(image, labels)
+        analysed = analyse_exemplar(image, labels), metres_per_texel
     _kept[entry] = analysed
     while len(_kept) > 1 and sum(style.labels.size for style, _ in _kept.values()) > MAX_KEPT_PIXELS:
         del _kept[next(iter(_kept))]
     return analysed
 
 
-def _read_with_ground_floor(group: StoreGroup, exemplar: ChosenExemplar) -> tuple[UInt8Array, UInt8Array, float]:
-    """Read an exemplar with the ground floor that it shows; returns as `read_exemplar`."""
-    image, labels, metres_per_texel = read_exemplar(group, exemplar.index)
+def read_with_ground_floor(read: Callable[[int], PictureAndScale], exemplar: ChosenExemplar) -> PictureAndScale:
+    """Read an exemplar with the ground floor that it shows.
+
+    Parameters
+    ----------
+    read : reads a prepared exemplar by its index, as `read_exemplar`.
+    exemplar : the exemplar.
+    """
+    image, labels, metres_per_texel = read(exemplar.index)
     if exemplar.ground_floor == "plain":
         image, labels = replace_ground_floor_by_windows(image, labels, metres_per_texel)
     elif exemplar.ground_floor is not None:
-        other_image, other_labels, theirs = read_exemplar(group, exemplar.ground_floor.index)
-        image, labels = transplant_ground_floor(image, labels, other_image, other_labels, theirs / metres_per_texel)
+        other_image, other_labels, theirs = read(exemplar.ground_floor.index)
+        image, labels = transplant_ground_floor(image, labels, other_image, other_labels, (metres_per_texel, theirs))
     return image, labels, metres_per_texel
 
 
@@ -122,16 +113,12 @@ def build_wall_from_exemplar(
         )
     along = float(facades.along[facade])
     if own is not None:
-        style = whole = own.style
-        metres_per_texel = own.metres_per_pixel
+        style, metres_per_texel = own.style, own.metres_per_pixel
     else:
         run, roof = inputs.house_view.run, not facades.roofed[facade]
-        whole, metres_per_texel = load_exemplar_analysis(run, group, exemplar, shops=True, roof=roof)
-        style = whole
-        if not inputs.shops:
-            style, _ = load_exemplar_analysis(run, group, exemplar, shops=False, roof=roof)
+        style, metres_per_texel = load_exemplar_analysis(run, group, exemplar, roof=roof)
     return build_facade_from_exemplar(
-        ScaledStyle(style, metres_per_texel, whole),
+        ScaledStyle(style, metres_per_texel),
         facade_wall(plan.scene, facades, facade, inputs.entrances),
         size,
         span=(along, along + float(facades.width[facade])),

@@ -69,7 +69,6 @@ class FacadeImagery:
     textured : whether its wall carries a texture of the model.
     exemplar : its exemplar.
     is_exemplar_stated : whether a correction names the exemplar, which a pictured facade of the building then leaves alone.
-    shops : whether a wall from the exemplar keeps its shops: not where the map has none.
     entrances : mapped doors, metres from the left of the wall.
     """
 
@@ -83,7 +82,6 @@ class FacadeImagery:
     textured: bool = input_field(OWN_TEXTURE_CHANGED, default=False)
     exemplar: ChosenExemplar | None = input_field(EXEMPLAR_CHANGED, default=None)
     is_exemplar_stated: bool = input_field(EXEMPLAR_CHANGED, default=False)
-    shops: bool = input_field(EXEMPLAR_CHANGED, default=True)
     entrances: tuple[float, ...] = input_field("entrances of the map changed", default=())
 
     @property

@@ -29,7 +29,6 @@ from tasks.stages.bundles.refined_poses import is_rejected_panorama, pose_from_r
 from tasks.stages.facades.exemplar_choices import (
     FOOT_CORNERS,
     choose_facade_exemplars,
-    facade_shops,
     store_exemplar_choices,
 )
 from tasks.stages.facades.forecast import forecast_pending_facades
@@ -118,7 +117,7 @@ def facade_inputs(run: Run, plan: Plan, facade: int, imagery: FacadeImagery, tex
 
 def pictures_key(inputs: FacadeInputs) -> str:
     """Return the key of a facade as its pictures give it, by which the others of its building follow it."""
-    exemplar = {"exemplar", "is_exemplar_stated", "shops", "house_view", "walls", "wall_seed", "building_seed"}
+    exemplar = {"exemplar", "is_exemplar_stated", "house_view", "walls", "wall_seed", "building_seed"}
     return join_key({name: digest for name, digest in digest_inputs(inputs).items() if name not in exemplar})
 
 
@@ -154,7 +153,6 @@ def select_imagery_per_facade(run: Run, block: Block, plan: Plan, group: StoreGr
         if shared
     }
     days = {panorama.path: panorama.captured for panorama in block.panoramas if panorama.captured}
-    shops = facade_shops(plan, block)
     exemplars, stated = choose_facade_exemplars(run, block, plan, group)
     entrances = facade_entrance_positions(plan, block.entrances)
     corrections, _ = match_corrections(plan, block.corrections, block.crs)
@@ -182,7 +180,6 @@ def select_imagery_per_facade(run: Run, block: Block, plan: Plan, group: StoreGr
                 textured=bool(textured[i]),
                 exemplar=exemplars.get(i) if corrected.facade else None,
                 is_exemplar_stated=i in stated,
-                shops=int(shops[i]) != 0,
                 corrected=corrected,
                 entrances=entrances[i],
             )

@@ -9,7 +9,7 @@ from benchmarks.painter.facade import paint_facade as paint
 from benchmarks.painter.styles import STYLES
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import FacadeClass
-from facade_core.facade.texture.retargeting import retarget
+from facade_core.facade.texture.retargeting import analyse_exemplar, initial_tiling, retarget
 from facade_core.facade.texture.scale import exemplar_scale
 from facade_core.facade.texture.shortest_walks import cheapest_walk
 from facade_core.parsing.floor_structure import count_floors, find_floors_and_bays, floor_bay_lattice, window_row_spans
@@ -176,3 +176,24 @@ def test_haussmann_facades_keep_their_floors(data):
             assert len(rows) - sum(street) == floors - 1
             assert count_floors(result.labels) == floors
             assert result.image.shape[:2] == (round(size[0] / scale), round(size[1] / scale))
+
+
+def test_no_door_and_no_shop_is_above_the_ground(facade):
+    labels = facade.labels.copy()
+    labels[40:60, 20:30], labels[40:60, 50:60] = FacadeClass.DOOR, FacadeClass.SHOP
+    style = analyse_exemplar(facade.image, labels)
+    entrances = np.isin(style.labels, (FacadeClass.DOOR, FacadeClass.SHOP))
+    assert entrances[style.structure.ground_top :].any()
+    assert not entrances[: style.structure.ground_top].any()
+    assert (style.labels[40:60, 20:30] == FacadeClass.WINDOW).all(), "a door of a balcony"
+
+
+def test_a_wide_wall_has_a_door_for_each_house_of_the_exemplars_width(facade):
+    style = analyse_exemplar(facade.image, facade.labels)
+    bays = len(style.structure.bays)
+    lowest = len(style.structure.kinds) - 1 if style.structure.kinds[-1] == "ground" else -1
+    for houses in (1, 2, 3):
+        rng = np.random.default_rng(0)
+        ground = initial_tiling(style, [0, lowest], houses * bays, False, rng, 0.0)[-1]
+        shown = (ground % (len(style.grid.columns) - 1))[::3] // 3
+        assert 1 <= style.doors[shown].sum() <= houses

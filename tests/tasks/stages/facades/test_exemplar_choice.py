@@ -8,7 +8,8 @@ import numpy as np
 
 from facade_core.facade.exemplar_quality import ExemplarQuality
 from facade_core.plan.exemplar_choice import ExemplarTargetWalls
-from tasks.stages.facades.exemplar_choices import choose_building_exemplars, usable_exemplars
+from facade_core.plan.kept_choices import Wall
+from tasks.stages.facades.exemplar_choices import StoredChoice, choose_building_exemplars
 from tasks.stages.facades.imagery import ChosenExemplar
 
 
@@ -24,6 +25,7 @@ def test_a_picture_in_which_no_facade_was_found_is_used_last() -> None:
         "height_m": 10.0,
         "floors": 3,
         "shop_width": 0.0,
+        "front_m": 0.0,
         "quality_parts": dict.fromkeys(ExemplarQuality.__dataclass_fields__, 1.0),
     }
     smaller = fits | {"width_m": 10.0}
@@ -44,15 +46,23 @@ def test_an_exemplar_with_a_hidden_ground_floor_names_another() -> None:
             "height_m": 10.0,
             "floors": 3,
             "shop_width": 0.0,
+            "front_m": 0.0,
             "look": [0.0] * 9,
             "quality_parts": whole | {"foot": foot},
         }
         for name, foot in (("a", 0.3), ("b", 1.0))
     ]
     seen, hidden = ChosenExemplar(1, "b", "k"), ChosenExemplar(0, "a", "k")
-    found, _ = usable_exemplars(cast(Any, records))
-    assert found == [ChosenExemplar(0, "a", "k", seen), seen]
-    assert found[0].names == "a, b"
-    assert found[0].digest_content() != hidden.digest_content()
-    found, _ = usable_exemplars(cast(Any, records[:1]))
-    assert found == [ChosenExemplar(0, "a", "k", "plain")]
+
+    def choose(of: int) -> ChosenExemplar:
+        floors = np.full(1, 3)
+        walls = ExemplarTargetWalls(
+            np.full(1, 12.0), np.full(1, 10.0), floors, np.full(1, 7), floors, np.zeros((1, 2, 2)), -floors
+        )
+        stored = [StoredChoice(7, (Wall(12.0, 10.0, 3, False),), "a", "", "b" if of == 2 else "")]
+        return choose_building_exemplars(walls, cast(Any, records[:of]), stored, seed=1)[0][7]
+
+    assert choose(2) == ChosenExemplar(0, "a", "k", seen)
+    assert choose(2).names == "a, b"
+    assert choose(2).digest_content() != hidden.digest_content()
+    assert choose(1) == ChosenExemplar(0, "a", "k", "plain")

@@ -94,9 +94,13 @@ def test_new_houses_and_exemplars_change_no_other() -> None:
 
 
 def test_a_ground_floor_stays_with_its_exemplar() -> None:
-    first, stored = choose(street(), exemplars("abcd", {"a": 0.1}))
+    def like_the_first(names: str) -> list[dict[str, Any]]:
+        records = exemplars(names, {"a": 0.1})
+        return [one | {"look": [0.1 * number] * 9} for number, one in enumerate(records)]
+
+    first, stored = choose(street(), like_the_first("abcd"))
     assert any(one.startswith("a, ") for one in first.values())
-    others, _ = choose(street(), exemplars("abcdefgh", {"a": 0.1}), stored)
+    others, _ = choose(street(), like_the_first("abcdefgh"), stored)
     assert restyled_houses(first, others) == set()
 
 

@@ -1,0 +1,88 @@
+"""Trimming of a rectified picture to the one facade that it shows: no neighbours, no sky, no bays that are cut off."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from facade_core.core.labels import FacadeClass
+from facade_core.core.types import Box, Parsing
+from facade_core.facade.evidence import Evidence
+from facade_core.facade.neighbour_removal import find_own_columns
+from facade_core.facade.sky_removal import count_sky_rows
+from facade_core.parsing.elements import elements
+from facade_core.parsing.floor_structure import FloorsAndBays, fill_sky_and_unknown, find_floors_and_bays
+
+# A window that begins within this share of the width from a side is cut off by it.
+SIDE_MARGIN_SHARE = 0.012
+
+
+def trim_to_facade(photo: Evidence) -> tuple[Evidence, Box]:
+    """Trim an observed picture to its facade.
+
+    Bays and floors that the picture cuts through, neighbours, and sky above the eaves go.
+
+    Parameters
+    ----------
+    photo : the observed picture.
+
+    Returns
+    -------
+    What remains, and its box in the picture.
+    """
+    box = (0, 0, 0, 0)
+    for find_part in (_whole_part, _own_part, _part_below_sky):
+        y0, y1, x0, x1 = find_part(photo)
+        left, top = box[0] + x0, box[1] + y0
+        box = (left, top, left + x1 - x0, top + y1 - y0)
+        photo = cut_picture_part(photo, (y0, y1, x0, x1))
+    return photo, box
+
+
+def cut_picture_part(photo: Evidence, bounds: tuple[int, int, int, int]) -> Evidence:
+    """Cut a picture and its parse to rows and columns."""
+    y0, y1, x0, x1 = bounds
+    part = np.s_[y0:y1, x0:x1]
+    hidden = photo.hidden[part]
+    if hidden.shape == photo.hidden.shape:
+        return photo
+    parsing = Parsing(photo.parsing.labels[part], photo.parsing.confidence[part], photo.parsing.occluded[part])
+    observed = tuple(elements(replace(parsing, occluded=hidden)))
+    image = np.ascontiguousarray(photo.image[part])
+    cut = replace(photo, image=image, parsed=parsing, hidden=hidden, elements=observed, masked=())
+    return replace(cut, outside=photo.surroundings[part], segmentation=None)
+
+
+def _whole_part(photo: Evidence) -> tuple[int, int, int, int]:
+    """Rows and columns without the bays and the top floor that the borders cut through."""
+    labels = photo.parsing.labels
+    height, width = labels.shape
+    structure = find_floors_and_bays(fill_sky_and_unknown(labels))
+    if structure is None:
+        return 0, height, 0, width
+    margin = SIDE_MARGIN_SHARE * width
+    window = labels == FacadeClass.WINDOW
+    x0, x1 = _whole_columns(structure, margin, width)
+    top = window[: max(2, round(margin)), x0:x1].any(axis=0).mean()
+    y0 = structure.floor_cuts[1] if top > 0.1 and len(structure.floors) > 1 else 0
+    return y0, height, x0, x1
+
+
+def _own_part(photo: Evidence) -> tuple[int, int, int, int]:
+    """Rows and columns without the neighbours."""
+    labels = fill_sky_and_unknown(photo.parsing.labels)
+    return 0, len(labels), *find_own_columns(photo.image, labels, photo.hidden, photo.surroundings)
+
+
+def _part_below_sky(photo: Evidence) -> tuple[int, int, int, int]:
+    """Rows and columns without sky above the eaves."""
+    labels = fill_sky_and_unknown(photo.parsing.labels)
+    return count_sky_rows(photo.image, labels, photo.hidden, photo.surroundings), len(labels), 0, labels.shape[1]
+
+
+def _whole_columns(structure: FloorsAndBays, margin: float, width: int) -> tuple[int, int]:
+    """Columns without the first and last bay where the side of the picture cuts through its windows."""
+    x0 = structure.bay_cuts[1] if structure.bays[0][0] <= margin and len(structure.bays) > 1 else 0
+    x1 = structure.bay_cuts[-2] if structure.bays[-1][1] >= width - margin and len(structure.bays) > 1 else width
+    return (x0, x1) if x1 > x0 else (0, width)
