@@ -67,7 +67,7 @@ def choose_exemplars(
     misfit += EXEMPLAR_CHOICE.other_family_cost * ~_is_in_street_families(walls.street[main], library.family, seed)
     near, metres = _neighbouring_buildings(walls.ends, row, len(numbers))
     body = np.asarray(library.body, float)
-    misfit[:, body < min(EXEMPLAR_CHOICE.min_body, float(body.max()))] = np.inf
+    misfit[:, body < EXEMPLAR_CHOICE.min_body * float(body.max())] = np.inf
 
     chosen = np.full(len(numbers), -1) if kept is None else kept[main]
     order_of_choice = np.argsort(draws[:, 0], kind="stable")

@@ -35,7 +35,8 @@ class ExemplarChoiceSettings:
     floors_cost, floor_height_cost, width_cost : costs per log ratio of floors, of floor height, and of width, which
         hardly matters as bays are repeated and dropped.
     quality_cost : cost of an exemplar whose upper floors have no quality; quality beats variety.
-    min_body : quality of the upper floors below which an exemplar is not taken while another is better.
+    min_body : quality of the upper floors, as a share of the best one's, below which an exemplar is not taken: that of all
+        falls with the density of the block.
     neighbourhood_m : buildings with walls within this distance are neighbours, which are seen together; metres.
     same_exemplar_cost, similar_cost : cost of the exemplar of a distant neighbour, twice that of one beside it, and
         greatest cost of a similar exemplar.

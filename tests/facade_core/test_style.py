@@ -99,7 +99,7 @@ def test_a_bad_exemplar_is_left_out_even_among_neighbours() -> None:
     body = [1.0, 1.0, EXEMPLAR_CHOICE.min_body - 0.1, 1.0, 1.0, 1.0]
     assert 2 in choose_exemplars(crowd, library(6), seed=1)
     assert 2 not in choose_exemplars(crowd, replace(library(6), body=body), seed=1)
-    all_bad = replace(library(2), body=[0.1, 0.2])
+    all_bad = replace(library(2), body=[0.05, 0.2])
     assert set(choose_exemplars(crowd, all_bad, seed=1)) == {1}, "the best of bad ones"
 
 
