@@ -67,7 +67,7 @@ def choose_exemplars(
     misfit += EXEMPLAR_CHOICE.other_family_cost * ~_is_in_street_families(walls.street[main], library.family, seed)
     near, metres = _neighbouring_buildings(walls.ends, row, len(numbers))
     body = np.asarray(library.body, float)
-    misfit[:, body < min(EXEMPLAR_CHOICE.min_body, float(body.max()))] = np.inf
+    misfit[:, body < EXEMPLAR_CHOICE.min_body * float(body.max())] = np.inf
 
     chosen = np.full(len(numbers), -1) if kept is None else kept[main]
     order_of_choice = np.argsort(draws[:, 0], kind="stable")
@@ -112,8 +112,9 @@ def choose_ground_floors(
     draws = np.array([np.random.default_rng([seed, number, 1]).random(len(foot)) for number in numbers.tolist()])
     draws[np.arange(len(first)), chosen[first]] = 0.0
     cost = library.distance[chosen[first]] + EXEMPLAR_CHOICE.foot_cost * (1 - foot)
-    is_unfit |= (np.asarray(library.shops, float) > 0) & (shops[first, None] == 0)
-    cost += _shop_mismatch_costs(shops[first], library) + EXEMPLAR_CHOICE.unfit_cost * is_unfit
+    has_shops, mapped = np.asarray(library.shops, float) > 0, shops[first, None]
+    is_unfit |= has_shops & (mapped == 0)
+    cost += EXEMPLAR_CHOICE.shop_cost * (~has_shops & (mapped > 0)) + EXEMPLAR_CHOICE.unfit_cost * is_unfit
     cost += EXEMPLAR_CHOICE.random_cost * draws
     cost[:, foot < EXEMPLAR_CHOICE.min_foot] = np.inf
     best = np.where(cost.min(axis=1) < EXEMPLAR_CHOICE.plain_cost, cost.argmin(axis=1), -1)
@@ -171,14 +172,7 @@ def _misfit_costs(walls: ExemplarTargetWalls, main: Int64Array, library: Exempla
         walls.height[main] / floors, np.asarray(library.height, float) / given
     )
     misfit += EXEMPLAR_CHOICE.width_cost * ratio(walls.width[main], np.asarray(library.width, float))
-    misfit += EXEMPLAR_CHOICE.quality_cost * (1 - np.asarray(library.body, float))
-    return misfit + _shop_mismatch_costs(walls.shops[main], library)
-
-
-def _shop_mismatch_costs(mapped: Int64Array, library: ExemplarLibrary) -> Float64Array:
-    """Compute the cost (b, k) of exemplars with shops for buildings (b,) without, and the other way round."""
-    is_wrong = (np.asarray(library.shops, float) > 0) != (mapped[:, None] > 0)
-    return np.asarray(EXEMPLAR_CHOICE.shop_mismatch_cost * ((mapped[:, None] >= 0) & is_wrong))
+    return np.asarray(misfit + EXEMPLAR_CHOICE.quality_cost * (1 - np.asarray(library.body, float)))
 
 
 def _is_in_street_families(street: Int64Array, family: Int64Array, seed: int) -> BoolArray:

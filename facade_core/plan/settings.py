@@ -35,14 +35,15 @@ class ExemplarChoiceSettings:
     floors_cost, floor_height_cost, width_cost : costs per log ratio of floors, of floor height, and of width, which
         hardly matters as bays are repeated and dropped.
     quality_cost : cost of an exemplar whose upper floors have no quality; quality beats variety.
-    min_body : quality of the upper floors below which an exemplar is not taken while another is better.
+    min_body : quality of the upper floors, as a share of the best one's, below which an exemplar is not taken: that of all
+        falls with the density of the block.
     neighbourhood_m : buildings with walls within this distance are neighbours, which are seen together; metres.
     same_exemplar_cost, similar_cost : cost of the exemplar of a distant neighbour, twice that of one beside it, and
         greatest cost of a similar exemplar.
     same_form_cost, form_distance : greatest cost of a neighbour's form in other colours, and the form distance at
         which it has fallen to 1 / e.
     families_per_street, other_family_cost : families of exemplars per street, and the cost of another family.
-    shop_mismatch_cost : cost of shops where the map has none, and the other way round.
+    shop_cost : cost of a ground floor without shops where the map has some.
     min_foot : quality of a ground floor below which another's is shown.
     foot_cost, plain_cost : costs of a ground floor of no quality, and of a plain one of the exemplar's own body, in style
         distances.
@@ -63,7 +64,7 @@ class ExemplarChoiceSettings:
     form_distance: float = 0.5
     families_per_street: int = 3
     other_family_cost: float = 1.0
-    shop_mismatch_cost: float = 1.4
+    shop_cost: float = 1.4
     min_foot: float = 0.7
     foot_cost: float = 10.0
     plain_cost: float = 3.0

@@ -99,7 +99,7 @@ def test_a_bad_exemplar_is_left_out_even_among_neighbours() -> None:
     body = [1.0, 1.0, EXEMPLAR_CHOICE.min_body - 0.1, 1.0, 1.0, 1.0]
     assert 2 in choose_exemplars(crowd, library(6), seed=1)
     assert 2 not in choose_exemplars(crowd, replace(library(6), body=body), seed=1)
-    all_bad = replace(library(2), body=[0.1, 0.2])
+    all_bad = replace(library(2), body=[0.05, 0.2])
     assert set(choose_exemplars(crowd, all_bad, seed=1)) == {1}, "the best of bad ones"
 
 
@@ -147,10 +147,12 @@ def test_all_of_a_crowd_choose_one_after_the_other() -> None:
 
 
 def test_shops_are_where_the_map_has_them() -> None:
-    walls = row(30)
+    walls, shops = row(30), np.arange(30) % 3 // 2
     half = replace(library(32), shops=[0.0, 0.7] * 16)
-    shopping = choose_exemplars(replace(walls, shops=np.arange(30) % 3 // 2), half, seed=4)
-    assert ((shopping % 2 == 1) == (np.arange(30) % 3 == 2)).mean() > 0.9
+    chosen = choose_exemplars(walls, half, seed=4)
+    ground = choose_ground_floors(half, chosen, building=walls.building, width=walls.width, shops=shops, seed=4)
+    assert not (ground[shops == 0] % 2 == 1)[ground[shops == 0] >= 0].any()
+    assert (ground[shops == 1] % 2 == 1).mean() > 0.9
 
 
 def test_the_ground_floor_of_another_exemplar_fits_bays_light_and_scale() -> None:

@@ -63,14 +63,14 @@ def _digests(records: dict[str, Record], name: str) -> object:
 
 def test_one_height_makes_one_house_pending(folder: Path) -> None:
     block, before, held = folder / "in" / "block.yaml", facades(folder), started(folder / "out")
-    append_corrections_to_file(block, [Correction("b", "height", 22.0)])
+    append_corrections_to_file(block, [Correction("f", "height", 22.0)])
     texture(block, folder / "out")
     after = facades(folder)
-    assert of_house({unit for stage, unit in redone(held, folder / "out") if stage == "facades"}) == {"b"}
-    assert of_house(differing(before, after)) == {"b"}
+    assert of_house({unit for stage, unit in redone(held, folder / "out") if stage == "facades"}) == {"f"}
+    assert of_house(differing(before, after)) == {"f"}
     fresh = texture(block, folder / "fresh")
     again = {one["unit"]: one for one in read_newest_journal(fresh.run.store, "facades") if one}
-    assert of_house(differing(after, again)) - {"b"}, "a fresh run chooses anew for others too"
+    assert of_house(differing(after, again)) - {"f"}, "a fresh run chooses anew for others too"
     delete_exemplar_choices(texture(block, folder / "out").run)
     run = texture(block, folder / "out").run
     assert differing(again, facades(folder)) == set(), "a restyled block is as fresh"

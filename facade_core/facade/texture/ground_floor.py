@@ -54,10 +54,8 @@ def transplant_ground_floor(
     lit = other_image[rows] * np.where(is_wall[..., None], gain, gain.mean())
     source = np.clip(np.rint(lit), 0, 255).astype(np.uint8), other_labels[rows]
     width, units = labels.shape[1], find_ground_units(*source, metres_per_pixel[1])
-    rng = np.random.default_rng(0)
-    size = width * metres_per_pixel[0]
-    arranged = None if units is None else arrange_units(units, size, metres_per_pixel[1], rng)
-    if units is not None and arranged is not None:
+    wide, rng = width * metres_per_pixel[0], np.random.default_rng(0)
+    if units and (arranged := arrange_units(units, wide, metres_per_pixel[1], rng)):
         borders = np.array([0, len(source[1])]), np.array([0, height])
         ground = compose_units(source, units, arranged, borders, width, metres_per_pixel[::-1])
     else:
@@ -104,15 +102,14 @@ def replace_ground_floor_by_windows(
     metres_per_pixel : scale of the exemplar.
     """
     found = find_floors_and_bays(labels)
-    if found is not None and not (found.kinds[-1] == "ground" or found.has_ground_band):
+    if found is None:
+        return image, labels
+    if not (found.kinds[-1] == "ground" or found.has_ground_band):
         kinds = (*found.kinds[:-1], "ground") if "middle" in found.kinds[:-1] else found.kinds
         found = replace(found, kinds=kinds, ground_top=found.floor_cuts[-2])
-    source = None if found is None else _residential_floor(found, labels)
-    if found is None or source is None:
-        return image, labels
     new_image, new_labels = image.copy(), labels.copy()
     if found.ground_top > found.top:
-        new_image, new_labels = _show_windows(image, labels, found, source)
+        new_image, new_labels = _show_windows(image, labels, found)
     bay = len(found.bays) // 2
     middle, half = sum(found.bays[bay]) // 2, round(ENTRANCES.door_size_m[0] / 2 / metres_per_pixel)
     columns = slice(max(found.bay_cuts[bay], middle - half), min(found.bay_cuts[bay + 1], middle + half))
@@ -137,18 +134,16 @@ def _clear_bay(image: UInt8Array, labels: UInt8Array, rows: slice, bay: slice, r
         labels[rows, bay] = FacadeClass.WALL
 
 
-def _residential_floor(found: FloorsAndBays, labels: UInt8Array) -> slice | None:
-    """Return the rows of the lowest floor with the fewest balconies, if possible not the topmost; None without any."""
+def _residential_floor(found: FloorsAndBays, labels: UInt8Array) -> slice:
+    """Return the rows of the lowest floor with the fewest balconies, if possible not the topmost."""
     middle = [i for i, kind in enumerate(found.kinds) if kind == "middle"]
     floors = [slice(*found.floor_cuts[i : i + 2]) for i in (middle[1:] or middle)[::-1]]
-    return min(floors, key=lambda rows: float((labels[rows] == FacadeClass.BALCONY).mean()), default=None)
+    return min(floors, key=lambda rows: float((labels[rows] == FacadeClass.BALCONY).mean()))
 
 
-def _show_windows(
-    image: UInt8Array, labels: UInt8Array, found: FloorsAndBays, source_rows: slice
-) -> tuple[UInt8Array, UInt8Array]:
-    """Show a floor in place of the ground floor, in the light of the floor above."""
-    ground = slice(found.ground_top, found.bottom)
+def _show_windows(image: UInt8Array, labels: UInt8Array, found: FloorsAndBays) -> tuple[UInt8Array, UInt8Array]:
+    """Show a residential floor in place of the ground floor, in the light of the floor above."""
+    ground, source_rows = slice(found.ground_top, found.bottom), _residential_floor(found, labels)
     bays = [slice(a, b) for a, b in pairwise((0, *found.bay_cuts[1:-1], labels.shape[1]))]
     plain = [not (labels[source_rows, bay] == FacadeClass.BALCONY).any() for bay in bays]
     gain = _wall_gain(_wall_colour(image, labels, _lowest_upper_floor(found)), _wall_colour(image, labels, source_rows))

@@ -213,8 +213,7 @@ def paint_ground_units(
     own = lattice_rows(style, wall_floor.exemplar_floor)
     down = np.asarray(style.grid.rows[own.start : own.stop + 1])
     units = _ground_units(style, int(down[0]), int(down[-1]), metres_per_pixel[0])
-    arranged = None if units is None else arrange_units(units, wall.width, scale, rng, wall.entrances)
-    if units is None or arranged is None:
+    if units is None or (arranged := arrange_units(units, wall.width, scale, rng, wall.entrances)) is None:
         return
     image[top:], labels[top:] = compose_units(
         (style.image[down[0] : down[-1]], style.labels[down[0] : down[-1]]),
