@@ -45,7 +45,7 @@ def extend_windows_behind_railings(elements: Sequence[Element], balconies: Seque
     bounds = [box.bounds for box in balconies]
     for element in elements:
         for x0, y0, x1, y1 in bounds if element.label == "window" else ():
-            floor = y1 - min(BALCONY_SHAPES.floor_thickness_m, (y1 - y0) / 3) - BALCONY_SHAPES.sill_above_floor_m
+            floor = balcony_floor(y0, y1) - BALCONY_SHAPES.sill_above_floor_m
             between = (
                 x0 - BALCONY_SHAPES.max_beside_railing_m <= element.x0
                 and element.x1 <= x1 + BALCONY_SHAPES.max_beside_railing_m
@@ -54,6 +54,11 @@ def extend_windows_behind_railings(elements: Sequence[Element], balconies: Seque
                 element = replace(element, y1=floor)
         found.append(element)
     return found
+
+
+def balcony_floor(y0: float, y1: float) -> float:
+    """Return the row of the floor of a balcony from `y0` down to `y1`, metres."""
+    return y1 - min(BALCONY_SHAPES.floor_thickness_m, (y1 - y0) / 3)
 
 
 def balcony_faces(box: Polygon, far: float) -> list[WallFrameFace]:
@@ -69,7 +74,7 @@ def balcony_faces(box: Polygon, far: float) -> list[WallFrameFace]:
     Faces; the last is the one against the wall.
     """
     x0, y0, x1, y1 = box.bounds
-    floor = y1 - min(BALCONY_SHAPES.floor_thickness_m, (y1 - y0) / 3)
+    floor = balcony_floor(y0, y1)
     a, b, c = (
         x0 + BALCONY_SHAPES.railing_thickness_m,
         x1 - BALCONY_SHAPES.railing_thickness_m,

@@ -6,7 +6,8 @@ import numpy as np
 from shapely import Polygon
 
 from facade_core.core.arrays import Float64Array, UInt8Array
-from facade_core.export.bodies.settings import BALCONY_SHAPES, RAILINGS
+from facade_core.export.bodies.balconies import balcony_floor
+from facade_core.export.bodies.settings import RAILINGS
 
 
 def is_seen_through(raster: UInt8Array, texels_per_metre: Float64Array, box: Polygon) -> bool:
@@ -23,11 +24,6 @@ def is_seen_through(raster: UInt8Array, texels_per_metre: Float64Array, box: Pol
     left, top, right, foot = np.maximum(np.rint(corners), 0).astype(int).tolist()
     behind = raster[top:foot, left:right]
     return behind.size > 0 and float(behind.mean(axis=(0, 2)).std()) >= RAILINGS.min_contrast
-
-
-def balcony_floor(y0: float, y1: float) -> float:
-    """Return the row of the floor of a balcony from `y0` down to `y1`, metres."""
-    return y1 - min(BALCONY_SHAPES.floor_thickness_m, (y1 - y0) / 3)
 
 
 def railing_quads(box: Polygon, far: float) -> tuple[Float64Array, Float64Array]:
