@@ -216,7 +216,10 @@ def _divide_into_bays(style: ExemplarAnalysis, wall: FacadeWall, scale: float) -
     if wall.width < least + 2 * BAYS.window_margin_m:
         return [0.0, wall.width], []
     ends = _wall_sections(wall, bay)
-    return ends, [max(1, round((right - left) / bay)) for left, right in pairwise(ends)]
+    counts = [max(1, round((right - left) / bay)) for left, right in pairwise(ends)]
+    if counts == [1] and wall.on_street and wall.floors == 1 and wall.width >= 2 * (least + 2 * BAYS.window_margin_m):
+        counts = [2]  # the door of a low house has a window beside it
+    return ends, counts
 
 
 def _wall_sections(wall: FacadeWall, bay: float) -> list[float]:
