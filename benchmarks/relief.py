@@ -218,13 +218,18 @@ def measure(out: Path, sheet: Path | None) -> dict[str, Any]:
 
 
 def count_in_depth(relief: TexturedMesh, chart: int, elements: Sequence[Element]) -> int:
-    """Count the elements of a wall in depth: those in which a front is before or behind the wall's plane."""
+    """Count the elements of a wall in depth: the smallest around each front behind the wall, before it for balconies."""
     own = relief.mesh.triangles[relief.mesh.chart_triangles(chart)]
     out = relief.charts.normals()[chart]
     offset = (relief.mesh.vertices[own].mean(axis=1) - relief.charts.origin[chart]) @ out
     is_front = (relief.normals[own[:, 0]] @ out > 0.99) & (np.abs(offset) > MIN_OFFSET_M)
     x, y = relief.coordinates[own[is_front]].mean(axis=1).T
-    return sum(bool(((e.x0 < x) & (x < e.x1) & (e.y0 < y) & (y < e.y1)).any()) for e in elements)
+    box = np.array([(e.x0, e.y0, e.x1, e.y1) for e in elements])
+    is_before = np.array([e.label == "balcony" for e in elements])
+    holds = (box[:, :2, None] < [x, y]).all(axis=1) & (box[:, 2:, None] > [x, y]).all(axis=1)
+    holds &= is_before[:, None] == (offset[is_front] > 0)
+    area = np.where(holds, np.prod(box[:, 2:] - box[:, :2], axis=1)[:, None], np.inf)
+    return len(np.unique(area.argmin(axis=0)[holds.any(axis=0)]))
 
 
 def main() -> None:

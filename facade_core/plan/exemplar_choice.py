@@ -9,7 +9,7 @@ import shapely
 
 from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array
 from facade_core.plan.exemplar_style import ExemplarLibrary
-from facade_core.plan.settings import EXEMPLAR_CHOICE
+from facade_core.plan.settings import EXEMPLAR_CHOICE, PLANNED_FACADES
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def choose_exemplars(
     numbers, row = np.unique(walls.building, return_inverse=True)
     if not len(numbers):
         return np.zeros(0, np.int64)
-    order = np.lexsort((-walls.width, row))
+    order = np.lexsort((walls.height, walls.street, -walls.width, row))
     main = order[np.searchsorted(row[order], np.arange(len(numbers)))]
     misfit = _misfit_costs(walls, main, library)
     draws = _draw_by_building(numbers, seed, 1 + misfit.shape[1])
@@ -106,13 +106,15 @@ def choose_ground_floors(
     if not len(chosen):
         return np.zeros(0, np.int64)
     numbers, first, row = np.unique(building, return_index=True, return_inverse=True)
-    narrowest = np.full(len(numbers), np.inf)
-    np.minimum.at(narrowest, row, width)
+    narrowest, mapped = np.full(len(numbers), np.inf), np.full(len(numbers), -1)
+    is_front = width >= PLANNED_FACADES.min_facade_width_m
+    np.minimum.at(narrowest, row[is_front], width[is_front])
+    np.maximum.at(mapped, row, shops)
     is_unfit = EXEMPLAR_CHOICE.min_front_share * np.asarray(library.fronts, float) > narrowest[:, None]
     draws = np.array([np.random.default_rng([seed, number, 1]).random(len(foot)) for number in numbers.tolist()])
     draws[np.arange(len(first)), chosen[first]] = 0.0
     cost = library.distance[chosen[first]] + EXEMPLAR_CHOICE.foot_cost * (1 - foot)
-    has_shops, mapped = np.asarray(library.shops, float) > 0, shops[first, None]
+    has_shops, mapped = np.asarray(library.shops, float) > 0, mapped[:, None]
     is_unfit |= has_shops & (mapped == 0)
     cost += EXEMPLAR_CHOICE.shop_cost * (~has_shops & (mapped > 0)) + EXEMPLAR_CHOICE.unfit_cost * is_unfit
     cost += EXEMPLAR_CHOICE.random_cost * draws

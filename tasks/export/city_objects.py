@@ -181,14 +181,12 @@ def facade_layouts(results: PublishedBlock, buildings: IntArray) -> dict[int, li
     from facade_core.atlas.rasters import read_chart_raster
     from facade_core.export.bodies.alignment import align_with_picture
 
-    placement = results.plan.scene.placement
+    source = results.textured_mesh
     layouts = facade_elements(results, buildings)
     for chart, elements in layouts.items():
-        seed, labels = (
-            read_chart_raster(results.group, placement, chart, name) for name in ("atlas/seed", "facade_maps/labels")
-        )
-        density = np.full(2, placement.texels_per_metre[chart])
-        layouts[chart] = align_with_picture(seed, density, elements, labels)
+        labels = read_chart_raster(results.group, results.plan.scene.placement, chart, "facade_maps/labels")
+        density = source.texels[chart] / source.extent[chart]
+        layouts[chart] = align_with_picture(source.raster(chart), density, elements, labels)
     return layouts
 
 

@@ -47,4 +47,5 @@ def add_requested_relief(
 
     if not is_relief_requested(results, relief):
         return source
-    return add_relief(source, facade_elements(results, buildings))
+    # by the textures as published, so that lit and unlit models have the same geometry
+    return add_relief(source, facade_elements(results, buildings), results.textured_mesh.raster)

@@ -155,6 +155,20 @@ def test_shops_are_where_the_map_has_them() -> None:
     assert (ground[shops == 1] % 2 == 1).mean() > 0.9
 
 
+def test_a_jog_or_a_part_without_shops_does_not_take_the_shops_of_a_building() -> None:
+    styles = replace(library(2), shops=[0.8, 0.8], fronts=[2.5, 2.5])
+    for width, shops in (([12.0, 1.9], [1, 1]), ([1.9, 12.0], [1, 1]), ([12.0, 12.0], [0, 1]), ([12.0, 12.0], [1, 0])):
+        ground = choose_ground_floors(
+            styles,
+            np.zeros(2, np.int64),
+            building=np.ones(2, int),
+            width=np.array(width),
+            shops=np.array(shops),
+            seed=3,
+        )
+        assert (ground >= 0).all()
+
+
 def test_the_ground_floor_of_another_exemplar_fits_bays_light_and_scale() -> None:
     own = paint_facade((16.0, 15.0), floors=4, columns=5, style="jugend", metres_per_pixel=0.05, seed=6)
     other = paint_facade((16.0, 9.0), floors=4, columns=3, style="art-deco", metres_per_pixel=0.04, seed=7)

@@ -43,18 +43,15 @@ def align_openings(raster: UInt8Array, texels_per_metre: Float64Array, elements:
     """
     across, down = texels_per_metre.tolist()
     turned = raster.transpose(1, 0, 2)
+    boxes = np.array([(e.x0, e.y0, e.x1, e.y1) for e in elements if e.label in OPENING_ORDER]).reshape(-1, 4)
     found = []
     for element in elements:
         if element.label in OPENING_ORDER:
             rows = _middle_span(element.y0, element.y1, down)
             columns = _middle_span(element.x0, element.x1, across)
-            element = replace(
-                element,
-                x0=_align_side(raster[rows], element.x0, across, -1),
-                x1=_align_side(raster[rows], element.x1, across, 1),
-                y0=_align_side(turned[columns], element.y0, down, -1),
-                y1=_align_side(turned[columns], element.y1, down, 1),
-            )
+            x0, x1 = _align_sides(raster[rows], (element.x0, element.x1), _free_space(element, boxes, 0), across)
+            y0, y1 = _align_sides(turned[columns], (element.y0, element.y1), _free_space(element, boxes, 1), down)
+            element = replace(element, x0=x0, x1=x1, y0=y0, y1=y1)
         found.append(element)
     return found
 
@@ -65,11 +62,33 @@ def _middle_span(first: float, last: float, density: float) -> slice:
     return slice(max(0, int((middle - half) * density)), int(np.ceil((middle + half) * density)))
 
 
-def _align_side(strip: UInt8Array, side: float, density: float, outward: int) -> float:
-    """Return where a side is, metres: at the outermost of the high steps of a strip (k, n, 3) across it."""
-    reach, width = round(ALIGNMENT.max_shift_m * density), max(1, round(ALIGNMENT.step_m * density))
-    middle = round(side * density)
-    places = np.arange(max(middle - reach, width), min(middle + reach, strip.shape[1] - width) + 1)[::-outward]
+def _free_space(element: Element, boxes: Float64Array, axis: int) -> tuple[float, float]:
+    """Return how far the sides of an opening may move outward: half the gap to the next of some (n, 4), metres."""
+    own = np.array([element.x0, element.y0, element.x1, element.y1])
+    other = 1 - axis
+    is_level = (boxes[:, other] < own[other + 2]) & (boxes[:, other + 2] > own[other])
+    before, after = own[axis] - boxes[is_level, axis + 2], boxes[is_level, axis] - own[axis + 2]
+    most = 2 * ALIGNMENT.max_shift_m
+    gaps = (np.min(gap[gap >= 0], initial=most) / 2 for gap in (before, after))
+    return float(next(gaps)), float(next(gaps))
+
+
+def _align_sides(
+    strip: UInt8Array, sides: tuple[float, float], free: tuple[float, float], density: float
+) -> tuple[float, float]:
+    """Return both sides across a strip (k, n, 3), metres; inward they stay apart."""
+    inward = min(ALIGNMENT.max_shift_m, ALIGNMENT.max_inward_share * (sides[1] - sides[0]))
+    first = _align_side(strip, sides[0], (sides[0] - free[0], sides[0] + inward), density, -1)
+    return first, _align_side(strip, sides[1], (sides[1] - inward, sides[1] + free[1]), density, 1)
+
+
+def _align_side(strip: UInt8Array, side: float, span: tuple[float, float], density: float, outward: int) -> float:
+    """Return where a side is, metres: at the outermost of the high steps of a strip (k, n, 3) in a span."""
+    width = max(1, round(ALIGNMENT.step_m * density))
+    first, last = (np.array(span) * density).tolist()
+    places = np.arange(max(np.ceil(first), width), min(np.floor(last), strip.shape[1] - width) + 1)[::-outward].astype(
+        int
+    )
     if not len(places) or not len(strip):
         return side
     start = int(places.min()) - width

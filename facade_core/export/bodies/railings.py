@@ -52,9 +52,11 @@ def railing_quads(box: Polygon, far: float) -> tuple[Float64Array, Float64Array]
     for near, low, out, high in sides:
         a, b = far - near, far - out  # a side shows the wall from its end on
         quads.append([(x0, low, near), (x0, low, out), (x0, high, out), (x0, high, near)])
-        places.append([(x0 + a, low), (x0 + b, low), (x0 + b, high), (x0 + a, high)])
+        left, right = min(x0 + a, x1), min(x0 + b, x1)
+        places.append([(left, low), (right, low), (right, high), (left, high)])
         quads.append([(x1, low, out), (x1, low, near), (x1, high, near), (x1, high, out)])
-        places.append([(x1 - b, low), (x1 - a, low), (x1 - a, high), (x1 - b, high)])
+        left, right = max(x1 - b, x0), max(x1 - a, x0)
+        places.append([(left, low), (right, low), (right, high), (left, high)])
     for near, out, row, is_underside in levels:
         ring = [(x0, row, near), (x1, row, near), (x1, row, out), (x0, row, out)]
         shown = (

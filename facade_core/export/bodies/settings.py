@@ -100,14 +100,16 @@ class AlignmentSettings:
 
     Attributes
     ----------
-    max_shift_m : a side moves by at most this, metres.
+    max_shift_m : a side moves by at most this, two texels of 12 a metre, and to half of the gap to the next opening, metres.
+    max_inward_share : a side moves inward by at most this share of the opening.
     step_m : width of the strips at either side of an edge that are compared, metres.
     side_share : middle share of a side whose edge counts.
     min_step : steps below this are no edge, grey levels.
     high_share : steps of at least this share of the highest are high; the outermost of them is the edge.
     """
 
-    max_shift_m: float = 0.15
+    max_shift_m: float = 0.17
+    max_inward_share: float = 0.25
     step_m: float = 0.08
     side_share: float = 0.7
     min_step: float = 12.0

@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-from facade_core.core.arrays import Float64Array, Int64Array, IntArray
+from facade_core.core.arrays import Float64Array, Int64Array, IntArray, UInt8Array
 from facade_core.core.types import Element
 from facade_core.export.bodies.alignment import align_with_picture
 from facade_core.export.bodies.balconies import balcony_faces, extend_windows_behind_railings, place_balconies
@@ -211,21 +211,28 @@ def _join_faces(parts: Sequence[ReliefFaces]) -> ReliefFaces:
     )
 
 
-def add_relief(source: TexturedMesh, layouts: Mapping[int, Sequence[Element]]) -> TexturedMesh:
+def add_relief(
+    source: TexturedMesh,
+    layouts: Mapping[int, Sequence[Element]],
+    raster: Callable[[int], UInt8Array] | None = None,
+) -> TexturedMesh:
     """Return a mesh with the elements of its walls in depth.
 
     Parameters
     ----------
     source : the flat mesh.
     layouts : elements of a chart in metres, y down.
+    raster : returns the picture of a chart with which its elements are aligned; that of the mesh by default.
     """
     mesh, charts = source.mesh, source.charts
+    raster = raster or source.raster
     walls: dict[int, ReliefFaces] = {}
     for chart in sorted(layouts, key=lambda chart: (charts.building[chart], chart)):
         if charts.building[chart] < 0:
             continue
         used, triangles = np.unique(mesh.triangles[mesh.chart_triangles(chart)], return_inverse=True)
-        layout = align_with_picture(source.raster(chart), source.texels[chart] / source.extent[chart], layouts[chart])
+        picture, texels_per_metre = raster(chart), source.texels[chart] / source.extent[chart]
+        layout = align_with_picture(picture, texels_per_metre, layouts[chart])
         near = [other for other in charts.charts_within(chart, MAX_OUTWARD_M).tolist() if charts.building[other] >= 0]
         surfaces = [mesh.vertices[mesh.triangles[mesh.chart_triangles(other)]] for other in near]
         own = [walls[n] for n in near if n in walls and charts.building[n] == charts.building[chart]]
@@ -236,15 +243,11 @@ def add_relief(source: TexturedMesh, layouts: Mapping[int, Sequence[Element]]) -
             triangles.reshape(-1, 3),
             layout,
             [*surfaces, *(wall.position[wall.triangles] for wall in own)],
-            partial(_is_seen_through, source, chart),
+            partial(is_seen_through, picture, texels_per_metre),
         )
         if found is not None:
             walls[chart] = found
     return _replace_walls(source, walls) if walls else source
-
-
-def _is_seen_through(source: TexturedMesh, chart: int, box: Polygon) -> bool:
-    return is_seen_through(source.raster(chart), source.texels[chart] / source.extent[chart], box)
 
 
 def _replace_walls(source: TexturedMesh, walls: Mapping[int, ReliefFaces]) -> TexturedMesh:

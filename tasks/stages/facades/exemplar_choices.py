@@ -220,7 +220,7 @@ def _corrected_exemplars(
         library,
         own,
         building=plan.facades.house[facades],
-        width=plan.facades.width[facades],
+        width=np.where(plan.facades.seen[facades] > 0, plan.facades.width[facades], np.inf),
         shops=facade_shops(plan, block)[facades],
         seed=seed,
     )

@@ -245,6 +245,15 @@ def test_a_light_band_of_the_picture_stands_out_as_a_ledge(coloured: TexturedMes
         np.testing.assert_allclose(cast_at_wall(deep, wall, x, np.full(len(x), 2.2)), outward, atol=2e-3)
 
 
+def test_coupled_windows_share_the_pier_between_them() -> None:
+    picture = np.full((100, 100, 3), 120, np.uint8)
+    picture[40:80, 20:40] = picture[40:80, 42:62] = 30  # a pier of 0.1 m
+    pair = [Element("window", 1.05, 2.0, 1.98, 4.0), Element("window", 2.12, 2.0, 3.05, 4.0)]
+    left, right = align_openings(picture, np.array([20.0, 20.0]), pair)
+    assert left.x1 <= right.x0
+    assert align_openings(picture, np.array([20.0, 20.0]), pair[::-1]) == [right, left], "in any order"
+
+
 def test_openings_end_at_the_outermost_edge_of_their_picture() -> None:
     density = np.array([20.0, 20.0])
     picture = np.full((100, 100, 3), 120, np.uint8)
@@ -256,6 +265,9 @@ def test_openings_end_at_the_outermost_edge_of_their_picture() -> None:
     plain = np.full((100, 100, 3), 120, np.uint8)
     assert align_openings(plain, density, [parsed]) == [parsed], "nothing to align with"
     far = replace(parsed, x0=1.8)
-    assert align_openings(picture, density, [far])[0].x0 >= 1.65, "a side moves by 0.15 m at most"
+    assert align_openings(picture, density, [far])[0].x0 >= 1.63, "a side moves by 0.17 m at most"
+    narrow = replace(parsed, x0=1.52, x1=1.58)
+    (found,) = align_openings(picture, density, [narrow])
+    assert found.x0 < found.x1, "sides stay apart"
     balcony = replace(parsed, label="balcony")
     assert align_openings(picture, density, [balcony]) == [balcony]
