@@ -219,6 +219,8 @@ def measure(out: Path, sheet: Path | None) -> dict[str, Any]:
 
 def count_in_depth(relief: TexturedMesh, chart: int, elements: Sequence[Element]) -> int:
     """Count the elements of a wall in depth: the smallest around each front behind the wall, before it for balconies."""
+    if not elements:
+        return 0
     own = relief.mesh.triangles[relief.mesh.chart_triangles(chart)]
     out = relief.charts.normals()[chart]
     offset = (relief.mesh.vertices[own].mean(axis=1) - relief.charts.origin[chart]) @ out
