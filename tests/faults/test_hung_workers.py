@@ -28,7 +28,7 @@ cloudpickle.register_pickle_by_value(sys.modules[__name__])
 def two(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
     """Two local workers that are restarted after some seconds without a heartbeat."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(connections._DASK_SETTINGS, "distributed.scheduler.worker-ttl", "8s")
+        patch.setitem(connections._DASK_SETTINGS, "distributed.scheduler.worker-ttl", "20s")
         with connect(2, None, str(tmp_path_factory.mktemp("two")), timeouts=Timeouts(poll_interval=0.2)) as made:
             yield made
 
