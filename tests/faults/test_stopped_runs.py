@@ -38,11 +38,11 @@ def start(block: Path, out: Path) -> subprocess.Popen[str]:
     )
 
 
-def wait_for_store(process: subprocess.Popen[str], out: Path) -> None:
-    """Wait until a run has a store, a guard, a server and a worker."""
+def wait_for_workers(process: subprocess.Popen[str]) -> None:
+    """Wait until a run has its server's processes, a tracker and two workers."""
     deadline = time.monotonic() + PATIENCE_S
     while process.poll() is None and time.monotonic() < deadline:
-        if (out / "store" / "chunks").is_dir() and len(psutil.Process(process.pid).children(recursive=True)) >= 3:
+        if len(psutil.Process(process.pid).children(recursive=True)) >= 5:
             return
         time.sleep(0.05)
 
@@ -70,7 +70,7 @@ def test_each_process_stopped_and_interrupted_at_random_moments(tmp_path: Path) 
     out = tmp_path / "stopped" / "out"
     (out.parent / "tmp").mkdir(parents=True)
     process = start(block, out)
-    wait_for_store(process, out)
+    wait_for_workers(process)
     assert stop_each(process) >= 4, "the run, the guard, the server and a worker"
     said = process.communicate(timeout=PATIENCE_S)[1]
     assert process.returncode == 0, said
