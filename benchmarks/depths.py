@@ -24,6 +24,7 @@ import numpy as np
 from benchmarks.painter.street_truth import SyntheticStreet, synthetic_street
 from facade_core.core.arrays import Float64Array, UInt8Array
 from facade_core.core.types import Element, Pose
+from facade_core.export.bodies.balconies import extend_windows_behind_railings
 from facade_core.export.bodies.settings import element_depth
 from facade_core.export.bodies.textured_relief import build_wall_relief
 from facade_core.export.lighting.panes import find_openings, glass_mask
@@ -80,7 +81,7 @@ def build_facade(street: SyntheticStreet, number: int, elements: Sequence[Elemen
     scene, chart, painted = street.scene, street.charts[number], street.facades[number]
     own = scene.mesh.triangles[scene.mesh.chart_triangles(chart)]
     used, triangles = np.unique(own, return_inverse=True)
-    built = [e for e in elements if e.depth_m]
+    built = extend_windows_behind_railings([e for e in elements if e.depth_m])
     position, shown = scene.mesh.vertices[used], triangles.reshape(-1, 3)
     faces = build_wall_relief(scene.charts, chart, position, shown, built, [], lambda _: False)
     if faces is not None:

@@ -58,7 +58,7 @@ class FolderLease:
             raise MachineError(f"{self.out}: {self.new_holder} took its lock over; let that run end, and run again")
         if time.monotonic() > self.renewed + LEASE_S - CLOCK_MARGIN_S:
             raise MachineError(
-                f"{self.out}: its lock could not be renewed in time; see to the network, and run again: what is done is kept"
+                f"{self.out}: its lock could not be renewed in time; see to the network, and run again: finished work is kept"
             )
 
     def renew(self) -> None:

@@ -93,7 +93,7 @@ def _box_search(client: Client, dates: str | None) -> Callable[[LonLatBox], Iter
 
 
 def _lies_near(item: JsonObject, box: LonLatBox) -> bool:
-    """Report whether a picture lies in a box or near it; also where its place cannot be read."""
+    """Report whether a picture lies in a box or near it; True if its place cannot be read."""
     place = mapping_or_empty(item.get("geometry")).get("coordinates")
     if not isinstance(place, list) or len(place) < 2:
         return True

@@ -95,7 +95,7 @@ def find_snapshot_damage(folder: Folder, *, thorough: bool = False) -> str | Non
 
 
 def has_other_content(folder: Folder, name: str) -> bool:
-    """Return whether a file of a published folder differs from what was written; False where nothing says it."""
+    """Return whether the digest of a published file differs from that in the list; False if the list lacks it."""
     content = read_file_list(folder)
     held = content["files"].get(name) if content else None
     return held is not None and file_content_digest(join_path(folder, name)) != held[1]

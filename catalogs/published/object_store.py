@@ -204,7 +204,7 @@ def translate_errors(path: str) -> Iterator[None]:
         _require_bucket(path, error)
         raise BucketUnavailableError(
             f"s3://{path}: the bucket does not answer as it should ({error_text(error)}); check AWS_ENDPOINT_URL and the "
-            "network, and run again: what is done is kept"
+            "network, and run again: finished work is kept"
         ) from error
 
 

@@ -115,7 +115,7 @@ def require_readable_files(path: StoreLocation) -> None:
             if error.errno != errno.EIO:
                 raise MachineError(
                     f"{file}: cannot be read ({error.strerror}); see to its permissions and its disk, and run again: "
-                    "what is done is kept"
+                    "finished work is kept"
                 ) from error
 
 

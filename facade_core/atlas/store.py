@@ -269,7 +269,7 @@ def commit(session: icechunk.Session, message: str) -> str:
                     times = str(error).partition(CLOCK_ERROR)[2].splitlines()[0]
                     raise MachineError(
                         f"{repository.path}: the clock of this machine is behind the last commit ({times.strip('. ')}); "
-                        "set the clock, and run again: what is done is kept"
+                        "set the clock, and run again: finished work is kept"
                     ) from None
                 raise
             snapshot = made

@@ -51,7 +51,7 @@ class MachineError(FacadeError):
     """Fault of the machine, not of the input: full disk, no memory, failing store. The unit itself may be sound."""
 
 
-BUCKET_UNAVAILABLE = "its bucket does not answer; run again later: what is done is kept"
+BUCKET_UNAVAILABLE = "its bucket does not answer; run again later: finished work is kept"
 
 
 class BucketUnavailableError(MachineError):

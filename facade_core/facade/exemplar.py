@@ -24,7 +24,7 @@ from facade_core.imagery.rectify.shadow import shadow_share
 from facade_core.parsing.elements import elements
 from facade_core.parsing.floor_structure import count_floors, spans_above_threshold
 
-# Smallest width of a shop, metres; what is narrower is an error of the parser.
+# Smallest width of a shop, metres; narrower ones are errors of the parser.
 MIN_SHOP_M = 1.0
 # Longer side, in pixels, of a labelled exemplar for counting floors and windows and for measuring shadow.
 MAX_COUNTING_SIDE_PX = 640

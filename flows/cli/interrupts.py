@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from typing import NoReturn
 
 TERMINATING_SIGNALS = (signal.SIGINT, signal.SIGTERM)
-INTERRUPTED_MESSAGE = "interrupted; what is done is kept, run the same command to go on"
+INTERRUPTED_MESSAGE = "interrupted; finished work is kept, run the same command to go on"
 UNDONE_MESSAGE = "interrupted; nothing of it is left"
 # Of commands that keep nothing on the way, and of all before they begin.
 REPEAT_MESSAGE = "interrupted; run the same command again"

@@ -74,7 +74,7 @@ def run_command(arguments: Sequence[str], ends: float | None, errors: Path) -> C
         )
     processor = used.ru_utime + used.ru_stime
     if not in_time:
-        return CommandResult(DEADLINE_EXIT_CODE, "its time was up; what is done is kept", output, processor)
+        return CommandResult(DEADLINE_EXIT_CODE, "its time was up; finished work is kept", output, processor)
     return CommandResult(code if code >= 0 else 128 - code, lines[-1] if lines else "", output, processor)
 
 

@@ -200,7 +200,7 @@ def machine_error(doing: str, error: BaseException) -> MachineError:
     else:
         remedy = "see to the machine, its disks and its network,"
     words = os.strerror(number) if number is not None else " ".join(str(first).split()) or type(first).__name__
-    return MachineError(f"{doing}: {words}; {remedy} and run again: what is done is kept")
+    return MachineError(f"{doing}: {words}; {remedy} and run again: finished work is kept")
 
 
 def is_store_fault(error: BaseException) -> bool:

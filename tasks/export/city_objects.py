@@ -178,16 +178,13 @@ def _roof_attributes(row: JsonObject) -> JsonObject:
 
 def facade_layouts(results: PublishedBlock, buildings: IntArray) -> dict[int, list[Element]]:
     """Read the elements of finished facades by chart, in metres, aligned with their pictures, and with ledges."""
-    from facade_core.atlas.rasters import read_chart_raster
     from facade_core.export.bodies.alignment import align_with_picture
 
     source = results.textured_mesh
-    layouts = facade_elements(results, buildings)
-    for chart, elements in layouts.items():
-        labels = read_chart_raster(results.group, results.plan.scene.placement, chart, "facade_maps/labels")
-        density = source.texels[chart] / source.extent[chart]
-        layouts[chart] = align_with_picture(source.raster(chart), density, elements, labels)
-    return layouts
+    return {
+        chart: align_with_picture(source.raster(chart), source.texels[chart] / source.extent[chart], elements)
+        for chart, elements in facade_elements(results, buildings).items()
+    }
 
 
 def model_origin(results: PublishedBlock) -> Float64Array:

@@ -49,7 +49,7 @@ def test_a_disk_that_fills_ends_the_run_which_goes_on_when_there_is_room(
     monkeypatch.setattr(task, "required_block_bytes", lambda plan, stored: 0)  # as if another program had filled it
     with (
         pytest.raises(
-            MachineError, match=r"No space left on device; free some space and run again: what is done is kept$"
+            MachineError, match=r"No space left on device; free some space and run again: finished work is kept$"
         ),
         convert_machine_faults("small"),
     ):

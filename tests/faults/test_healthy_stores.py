@@ -99,7 +99,7 @@ def test_files_that_the_disk_refuses_are_not_damaged(run: Run, monkeypatch: pyte
         integrity.roll_back_to_readable(run.store, verify)
     monkeypatch.setattr("tasks.engine.store.integrity.find_unreadable_chunks", lambda session: {"atlas/colour": None})
     mark_store_suspect(run.folder)
-    with pytest.raises(MachineError, match="what is done is kept"):
+    with pytest.raises(MachineError, match="finished work is kept"):
         repair_store(run)
     refused.clear()
     monkeypatch.undo()
@@ -137,7 +137,7 @@ def test_a_bucket_that_answers_with_500_is_unavailable(bucket: tuple[S3Path, Pat
         faults.unlink()
     code, message = exit_code_and_message(raised.value)
     assert code == EXIT_UNAVAILABLE
-    assert "what is done is kept" in message
+    assert "finished work is kept" in message
     assert "remove" not in message
 
 

@@ -44,7 +44,7 @@ def test_ends_at_once_with_one_line(number: signal.Signals, name: str, start: st
     _, wrong = process.communicate(timeout=60)
     assert process.returncode == 128 + number
     assert time.monotonic() - begun < 30
-    assert wrong.strip() == "streetloom: interrupted; what is done is kept, run the same command to go on"
+    assert wrong.strip() == "streetloom: interrupted; finished work is kept, run the same command to go on"
 
 
 def test_a_terminal_gets_its_cursor_back() -> None:

@@ -8,28 +8,26 @@ from dataclasses import replace
 import numpy as np
 
 from facade_core.core.arrays import Float64Array, UInt8Array
-from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Element
+from facade_core.export.bodies.balconies import extend_windows_behind_railings
 from facade_core.export.bodies.ledges import detect_ledges
 from facade_core.export.bodies.openings import OPENING_ORDER
 from facade_core.export.bodies.settings import ALIGNMENT
 
 
 def align_with_picture(
-    raster: UInt8Array, texels_per_metre: Float64Array, elements: Sequence[Element], labels: UInt8Array | None = None
+    raster: UInt8Array, texels_per_metre: Float64Array, elements: Sequence[Element]
 ) -> list[Element]:
-    """Align the openings of a wall with its picture, and add its ledges.
+    """Align the openings of a wall with its picture, extend windows behind railings, and add ledges.
 
     Parameters
     ----------
     raster : (h, w, 3) picture of the wall.
     texels_per_metre : (2,) texels per metre across and down.
     elements : elements in metres, y down.
-    labels : (h, w) facade classes; None if all beside the elements is wall.
     """
-    labels = np.full(raster.shape[:2], FacadeClass.WALL, np.uint8) if labels is None else labels
-    aligned = align_openings(raster, texels_per_metre, elements)
-    return [*aligned, *detect_ledges(raster, labels, aligned, float(texels_per_metre[1]))]
+    aligned = extend_windows_behind_railings(align_openings(raster, texels_per_metre, elements))
+    return [*aligned, *detect_ledges(raster, aligned, float(texels_per_metre[1]))]
 
 
 def align_openings(raster: UInt8Array, texels_per_metre: Float64Array, elements: Sequence[Element]) -> list[Element]:

@@ -35,14 +35,14 @@ def place_balconies(wall: Polygon, elements: Sequence[Element]) -> list[tuple[El
     return found
 
 
-def extend_windows_behind_railings(elements: Sequence[Element], balconies: Sequence[Polygon]) -> list[Element]:
+def extend_windows_behind_railings(elements: Sequence[Element]) -> list[Element]:
     """Extend windows whose foot is hidden by a balcony down to its floor.
 
     The parse labels the railing as balcony, but people step out through the opening behind it. Only windows between
     the ends of the railing, or hardly wider, are extended.
     """
     found = []
-    bounds = [box.bounds for box in balconies]
+    bounds = [(e.x0, e.y0, e.x1, e.y1) for e in elements if e.label == "balcony"]
     for element in elements:
         for x0, y0, x1, y1 in bounds if element.label == "window" else ():
             floor = balcony_floor(y0, y1) - BALCONY_SHAPES.sill_above_floor_m

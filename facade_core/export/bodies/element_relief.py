@@ -9,7 +9,7 @@ import shapely
 from shapely import Polygon
 
 from facade_core.core.types import Element
-from facade_core.export.bodies.balconies import extend_windows_behind_railings, place_balconies
+from facade_core.export.bodies.balconies import place_balconies
 from facade_core.export.bodies.openings import place_openings
 from facade_core.export.bodies.settings import BALCONY_SHAPES, WALL_OPENINGS, ElementDepth, element_depth
 
@@ -35,7 +35,7 @@ class ElementRelief:
 def place_elements(wall: Polygon, elements: Sequence[Element]) -> list[ElementRelief]:
     """Place the balconies, doors, windows and shops of a wall, in an order that does not depend on theirs.
 
-    Windows continue behind the railing of a balcony. Openings are kept apart, and within the wall's border.
+    Openings are kept apart, and within the wall's border.
 
     Parameters
     ----------
@@ -44,9 +44,7 @@ def place_elements(wall: Polygon, elements: Sequence[Element]) -> list[ElementRe
     """
     if not wall.is_valid:
         return []
-    balconies = place_balconies(wall, elements)
-    extended = extend_windows_behind_railings(elements, [box for _, box in balconies])
-    placed = [*balconies, *place_openings(wall, extended)]
+    placed = [*place_balconies(wall, elements), *place_openings(wall, elements)]
     return [
         ElementRelief(element.label, outline, element_depth(element), _is_cut(element, outline))
         for element, outline in placed

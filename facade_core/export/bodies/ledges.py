@@ -9,6 +9,7 @@ import shapely
 from shapely import Polygon
 
 from facade_core.core.arrays import UInt8Array
+from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Element
 from facade_core.export.bodies.balconies import WallFrameFace
 from facade_core.export.bodies.mouldings import WallBand, free_wall_mask, split_wall_into_bands
@@ -17,16 +18,16 @@ from facade_core.export.bodies.settings import LEDGES
 LEDGE_LABEL = "ledge"
 
 
-def detect_ledges(image: UInt8Array, labels: UInt8Array, elements: Sequence[Element], density: float) -> list[Element]:
-    """Detect the ledges of a facade as elements of its whole width.
+def detect_ledges(image: UInt8Array, elements: Sequence[Element], density: float) -> list[Element]:
+    """Detect the ledges of a facade as elements of its whole width; all beside its elements is wall.
 
     Parameters
     ----------
     image : (h, w, 3) uint8 base layer of the facade.
-    labels : (h, w) facade classes.
     elements : elements in metres.
     density : texels per metre.
     """
+    labels = np.full(image.shape[:2], FacadeClass.WALL, np.uint8)
     free = free_wall_mask(labels, [(e.x0, e.y0, e.x1, e.y1) for e in elements], density)
     bands = split_wall_into_bands(image, free, density)
     width = image.shape[1] / density

@@ -157,8 +157,8 @@ class RailingSettings:
     handrail_m : height and depth of the handrail, metres.
     bar_spacing_m : distance from bar to bar, metres.
     bar_width_m : width of a bar, metres.
-    min_contrast : least standard deviation of the grey levels of the columns of a railing that is seen through; chosen on
-        balconies of Paris and on painted ones, parapets of which have up to 12 and railings 13 to 37.
+    min_contrast : minimum standard deviation of a railing's column means, grey levels. Parapets of the balconies on
+        which it was chosen have up to 12, railings 13 to 37.
     """
 
     handrail_m: float = 0.06

@@ -14,7 +14,7 @@ from shapely import Polygon
 from facade_core.core.arrays import Float64Array, Int64Array, IntArray, UInt8Array
 from facade_core.core.types import Element
 from facade_core.export.bodies.alignment import align_with_picture
-from facade_core.export.bodies.balconies import balcony_faces, extend_windows_behind_railings, place_balconies
+from facade_core.export.bodies.balconies import balcony_faces
 from facade_core.export.bodies.element_relief import place_elements
 from facade_core.export.bodies.ledges import ledge_faces, place_ledges
 from facade_core.export.bodies.openings import chart_outlines
@@ -103,8 +103,7 @@ def _build_elements(
     space: WallSpace, outline: Polygon, elements: Sequence[Element], is_open: Callable[[Polygon], bool]
 ) -> tuple[Float64Array, list[ReliefFaces]]:
     """Build the elements of a wall polygon; returns the holes (n, 4, 2) that they need, and their faces."""
-    extended = extend_windows_behind_railings(elements, [box for _, box in place_balconies(outline, elements)])
-    likely = [e for e in extended if e.confidence >= MIN_PROBABILITY or e.depth_source == "parallax"]
+    likely = [e for e in elements if e.confidence >= MIN_PROBABILITY or e.depth_source == "parallax"]
     placed = [element for element in place_elements(outline, likely) if element.depth.outward_m and not element.is_cut]
     boxes = np.array([element.outline.bounds for element in placed]).reshape(-1, 4)
     outward = np.array([element.depth.outward_m for element in placed])
@@ -118,7 +117,7 @@ def _build_elements(
         if is_free:
             build = _build_railing if is_open(element.outline) else _build_balcony
             faces.append(build(space, element.outline, element.depth.outward_m))
-    ledges = place_ledges(outline, extended)
+    ledges = place_ledges(outline, elements)
     edges = np.array([box.bounds for box in ledges]).reshape(-1, 4)
     has_room = space.has_room(edges, np.full(len(edges), LEDGES.ledge_depth_m))
     for box, is_free in zip(ledges, has_room.tolist(), strict=True):

@@ -43,5 +43,5 @@ def require_disk_space(folder: Path, needed: int = 0, free_bytes: Callable[[Path
     if free < needed:
         raise MachineError(
             f"{folder}: needs about {needed / 1e6:,.0f} MB of space and its disk has {free / 1e6:,.0f} MB free; "
-            "free some space, or name a folder on another disk with --out, and run again: what is done is kept"
+            "free some space, or name a folder on another disk with --out, and run again: finished work is kept"
         )

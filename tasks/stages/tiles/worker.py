@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -76,11 +76,8 @@ def compute_tile(inputs: TileInputs) -> TileModel:
         }
 
     layouts = {texels.charts[place]: own for place, own in inputs.elements}
-    flat = replace(
-        _textured_scene(inputs.objects.run), raster=lru_cache(1)(lambda chart: rasters(np.array([chart]))[chart])
-    )
     return build_tile_model(
-        add_relief(flat, layouts),
+        add_relief(_textured_scene(inputs.objects.run), layouts, lambda chart: rasters(np.array([chart]))[chart]),
         np.array(texels.charts),
         texels.texel_digests,
         dict(zip(inputs.buildings, inputs.names, strict=True)),

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import shapely
 
-from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Element
 from facade_core.export.bodies.ledges import LEDGE_LABEL, detect_ledges, ledge_faces, place_ledges
 from facade_core.export.bodies.settings import LEDGES
@@ -14,19 +13,18 @@ from facade_core.export.bodies.settings import LEDGES
 DENSITY = 32.0
 
 
-def painted(course: int) -> tuple[np.ndarray, np.ndarray, list[Element]]:
+def painted(course: int) -> tuple[np.ndarray, list[Element]]:
     """A wall of 8 by 6 m with a course of a brightness at 3 m, 0.25 m high, over stone, and a window in each part."""
     rng = np.random.default_rng(3)
     image = np.full((192, 256, 3), 150, np.float64)
     image[96:104] = course
     image[104:] = 110
     image += rng.normal(0, 3, image.shape[:2])[..., None]
-    labels = np.full(image.shape[:2], FacadeClass.WALL, np.uint8)
     elements = [Element("window", 2, 1, 3, 2.5), Element("window", 5, 4, 6, 5.5)]
     for e in elements:
         box = tuple(slice(round(a * DENSITY), round(b * DENSITY)) for a, b in ((e.y0, e.y1), (e.x0, e.x1)))
-        image[box], labels[box] = 40, FacadeClass.WINDOW
-    return np.clip(image, 0, 255).astype(np.uint8), labels, elements
+        image[box] = 40
+    return np.clip(image, 0, 255).astype(np.uint8), elements
 
 
 def test_a_light_course_is_a_ledge_and_a_dark_one_is_none() -> None:

@@ -40,5 +40,5 @@ def test_a_block_whose_time_is_up_is_ended(tmp_path: Path) -> None:
     begun = time.time()
     how = ended(tmp_path, begun + 0.05)
     assert how.code == DEADLINE_EXIT_CODE
-    assert how.reason == "its time was up; what is done is kept"
+    assert how.reason == "its time was up; finished work is kept"
     assert time.time() - begun < TERMINATION_TIMEOUT_S
