@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -137,6 +137,14 @@ def metres_per_height_unit(crs: CRS | str | None) -> float:
     if vertical:
         return float(vertical[0])
     return min(1.0, float(parts[0].axis_info[0].unit_conversion_factor)) if parts[0].is_projected else 1.0
+
+
+def stated_geoid_separation(names: Iterable[str]) -> float | Literal["auto"] | None:
+    """Return what systems state of their heights: "auto" above the sea, 0 above the ellipsoid, None where they do not agree."""
+    frames = [_crs_with_heights(name) for name in names]
+    if frames and all(part.is_vertical for frame in frames for part in frame.sub_crs_list[1:] or [frame]):
+        return "auto"
+    return 0.0 if frames and all(not frame.is_compound and len(frame.axis_info) == 3 for frame in frames) else None
 
 
 @lru_cache(maxsize=64)
@@ -286,6 +294,13 @@ def bounds_to_lonlat(crs: str, bounds: tuple[float, float, float, float]) -> tup
     from pyproj import Transformer
 
     return Transformer.from_crs(crs, LONLAT, always_xy=True).transform_bounds(*bounds)
+
+
+def middle_to_lonlat(crs: str, bounds: tuple[float, float, float, float]) -> tuple[float, float]:
+    """Return longitude and latitude of the middle of (xmin, ymin, xmax, ymax); a box may cross the antimeridian."""
+    middle = ((bounds[0] + bounds[2]) / 2, (bounds[1] + bounds[3]) / 2)
+    longitude, latitude, *_ = bounds_to_lonlat(crs, middle * 2)
+    return (longitude + 180.0) % 360.0 - 180.0, latitude
 
 
 def _crs_name(crs: CRS | str) -> str:

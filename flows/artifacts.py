@@ -178,12 +178,12 @@ def publish_outcome(run: Run, summary: JsonObject) -> None:
         for record in read_newest_journal(run.store, stage)
         if record
     ]
-    failures = summary["failures"]
-    recorded = {row["unit"] for row in units if row["status"] in ("failed", "refused")}
+    failures, refused = summary["failures"], summary["refused"]
+    recorded = {row["unit"] for row in units if row["status"] == "refused"}
     units += [
-        {"stage": "ingest", "unit": failure["unit"], "status": "set aside", "seconds": None, "worker": ""}
-        for failure in failures
-        if failure["unit"] not in recorded
+        {"stage": "ingest", "unit": one["unit"], "status": "refused", "seconds": None, "worker": ""}
+        for one in refused
+        if one["unit"] not in recorded
     ]
     units.sort(key=lambda row: row["status"] == "done")
     caption = (
@@ -191,12 +191,16 @@ def publish_outcome(run: Run, summary: JsonObject) -> None:
         if len(units) <= MAX_TABLE_ROWS
         else f"{MAX_TABLE_ROWS} of {len(units)} units, those not done first"
     )
-    counts = f"{summary['units_done']} done in this run, {summary['units_skipped']} before, {len(failures)} failed"
+    counts = f"{summary['units_done']} done in this run, {summary['units_skipped']} before"
+    counts += f", {len(failures)} failed, {len(refused)} refused"
     create_table_artifact(
         [*map(escape_row, units[:MAX_TABLE_ROWS])], key=f"{slug}-units", description=f"{caption}: {counts}"
     )
-    why = f"{describe_failure_count(summary)}, and why" if failures else "no unit failed or was set aside"
-    create_table_artifact([*map(escape_row, failures)], key=f"{slug}-failures", description=why)
+    create_table_artifact(
+        [*map(escape_row, failures + refused)],
+        key=f"{slug}-failures",
+        description=f"{describe_failure_count(summary)}, {len(refused)} refused, and why",
+    )
     outputs = summary["outputs"]
     facades = _read_facade_rows(folder_at(outputs["items"]))
     create_table_artifact(
@@ -274,9 +278,8 @@ def _read_facade_rows(items: Folder) -> list[dict[str, object]]:
 
 
 def describe_failure_count(summary: JsonObject) -> str:
-    """Return the number of failed or rejected units in words."""
-    count = len(summary["failures"])
-    return f"{count} unit{'' if count == 1 else 's'} failed or set aside"
+    """Return the number of failed units in words."""
+    return f"{format_count(len(summary['failures']), 'unit')} failed"
 
 
 def _slug(name: str) -> str:

@@ -21,6 +21,7 @@ from prefect.states import Completed
 from prefect.task_runners import ThreadPoolTaskRunner
 
 from catalogs.block.yaml_files import read_yaml
+from catalogs.printable_text import format_count
 from catalogs.published.folders import Folder, local_run_folder
 from catalogs.published.s3 import folder_at
 from facade_core.core.errors import TooManyFailuresError
@@ -34,12 +35,13 @@ from tasks.engine.compute.connect import Compute, connect
 from tasks.engine.compute.distributed_map import map_on_workers
 from tasks.engine.fan_out import BATCHES_AT_ONCE, make_batches, process_batch
 from tasks.engine.forecast import describe_rejected_inputs, forecast_work
-from tasks.engine.outcome import UnitOutcomeCounts, list_units_with_rejections
+from tasks.engine.outcome import UnitOutcomeCounts, list_reasons, list_units_with_rejections
 from tasks.engine.pending import PendingUnits, find_pending_units
 from tasks.engine.progress import begin_stage
 from tasks.engine.run import Run
 from tasks.engine.store.disk_space import require_disk_space
 from tasks.examples.demo import NAME, write_demo
+from tasks.harvest import note_few_exemplars
 from tasks.harvest.block_style import harvest_block_style
 from tasks.preview import start_preview
 from tasks.publish.prune import prune_snapshots_or_explain
@@ -155,6 +157,9 @@ def _texture_block(
 ) -> JsonObject:
     run = entry.run
     block = harvest_block_style(entry.block, run.folder, workers=workers, dask=dask, notify=print_status)
+    print_status(f"{block.name}: {format_count(len(block.buildings), 'building')} at {block.describe_place()}")
+    if block.exemplars and (note := note_few_exemplars(len(block.exemplars))):
+        print_status(note)
     # a local cluster starts in parallel with the ingest; a named one is checked first, as it may be unavailable
     ready: Future[Compute] = Future()
     map_units = partial(map_on_workers, ready)
@@ -185,14 +190,14 @@ def _texture_block(
             outcome += ended
         require_disk_space(run.local)
         published = submit(publish_block, run, entry.source).result()
-    outcome += UnitOutcomeCounts(failed=tuple((unit, reason) for _, unit, reason in outline.set_aside))
+    outcome += UnitOutcomeCounts(refused=tuple((unit, reason) for _, unit, reason in outline.set_aside))
     unpublished = published.pop("unpublished", [])
     return published | {
         "out": run.out,
         "units_skipped": outcome.skipped + (1 if outline.skipped else 0),
         "units_done": outcome.done + (0 if outline.skipped else 1),
-        "failures": [{"unit": unit, "reason": reason} for unit, reason in outcome.failed + outcome.refused]
-        + unpublished,
+        "failures": list_reasons(outcome.failed) + unpublished,
+        "refused": list_reasons(outcome.refused),
     }
 
 

@@ -60,11 +60,12 @@ class CityProgress:
         done = sum(int(summary.get("facades_done", 0)) for summary in summaries)
         total = self.log.estimate(self.due, self.options.workers, self.options.at_once)["facades"]
         left = max(self._pace * self._estimate_s(self.due) - (self.clock() - self._begun), 0.0)
+        told = f", about {format_duration(left)} left" if 10 * len(self._ended) >= len(self.due) else ""
         running = "; ".join(self._describe_block(name) for name in self.running[:MAX_NAMED_BLOCKS])
         more = len(self.running) - MAX_NAMED_BLOCKS
         others = f"; {more} more" if more > 0 else ""
         counts = f"{len(self._ended)} of {len(self.due)} blocks, {done:,} of about {total:,} facades done"
-        return f"{counts}, about {format_duration(left)} left; running {running}{others}"
+        return f"{counts}{told}; running {running}{others}"
 
     def _describe_block(self, name: str) -> str:
         line = read_newest_line(block_output_path(self.out, name))

@@ -27,6 +27,8 @@ def print_status(line: str) -> None:
 class ProgressLines:
     """Progress events as lines: start of a stage, each tenth with the remaining time, and its end.
 
+    The remaining time is told from a tenth on, and marked where the stage ends later by half than told before.
+
     Attributes
     ----------
     clock : current time in seconds.
@@ -36,6 +38,7 @@ class ProgressLines:
     _begun: dict[str, float] = field(default_factory=dict)
     _newest: dict[str, StageProgress] = field(default_factory=dict)
     _ended: tuple[str, float] = ("", 0.0)
+    _expected: dict[str, float] = field(default_factory=dict)
 
     def update(self, event: StageProgress) -> str | None:
         """Return the line of an event, None between two tenths."""
@@ -44,6 +47,7 @@ class ProgressLines:
             before = None
         if before is None:
             self._begun[event.stage] = self.clock()
+            self._expected.pop(event.stage, None)
         self._newest[event.stage] = event
         if event.finished >= event.total:
             self._ended = event.stage, self.clock()
@@ -75,8 +79,11 @@ class ProgressLines:
             if event.earlier:
                 parts.append(f"{event.earlier} of them done before")
             parts.append(f"in {format_duration(seconds)}")
-        elif done > 0:  # estimate from units of this run only; finished units of earlier runs took no time
-            parts.append(f"about {format_duration(seconds * (event.total - event.finished) / done)} left")
+        elif 10 * done >= event.total - event.earlier:  # units of this run only; those of earlier runs took no time
+            whole = seconds * (event.total - event.earlier) / done
+            revised = "revised: " if whole > 1.5 * self._expected.setdefault(event.stage, whole) else ""
+            self._expected[event.stage] = whole
+            parts.append(f"{revised}about {format_duration(whole - seconds)} left")
         return ", ".join(parts)
 
 
@@ -109,8 +116,9 @@ def print_summary(target: Console, summary: JsonObject, *, is_painted: bool = Fa
     done = f"{format_count(summary['facades_done'], 'facade')}"
     done += f" in {summary['seconds']:.0f} s, {format_count(summary['units_skipped'], 'unit')} done before"
     _print_escaped(target, (summary["block"], "bold"), f": {done}")
-    for failure in summary["failures"]:
-        _print_escaped(target, "  ", ("failed", "red"), f" {failure['unit']}: {failure['reason']}")
+    for key, word in (("failures", ("failed", "red")), ("refused", ("refused", "yellow"))):
+        for one in summary[key]:
+            _print_escaped(target, "  ", word, f" {one['unit']}: {one['reason']}")
     if (unchecked := summary["not_looked_at"]) and not is_painted:
         counted = f"facades and exemplars from pictures not checked for faces and number plates: {unchecked}"
         _print_escaped(target, f"  {counted}; {INSTALL_COMMAND} installs the detectors")

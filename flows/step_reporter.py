@@ -13,7 +13,7 @@ from flows.console import ProgressLines, console, format_duration, print_status
 from tasks.engine.progress import StageProgress, add_listener
 
 # Longest silence in seconds.
-REPORT_INTERVAL_S = 20.0
+REPORT_INTERVAL_S = 10.0
 
 
 @contextmanager

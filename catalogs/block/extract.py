@@ -67,6 +67,7 @@ class PartContents(TypedDict):
     textures: tuple[Path, ...]
     aerial: Orthophoto | None
     faults: tuple[Fault, ...]
+    geoid_separation: float | None
     part: CityPart | None
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from catalogs.buildings.extents import Bounds
-from catalogs.crs import bounds_to_lonlat
+from catalogs.crs import middle_to_lonlat
 
 GRID_FILE = Path(__file__).with_name("egm96.npz")
 
@@ -46,8 +46,5 @@ def resolve_geoid_separation(
     """
     if not isinstance(stated, str):
         return stated, ()
-    xmin, ymin, xmax, ymax = extent
-    middle = ((xmin + xmax) / 2, (ymin + ymax) / 2)
-    longitude, latitude, *_ = bounds_to_lonlat(crs, middle * 2)  # of a point, since a box may cross the antimeridian
-    height = geoid_height((longitude + 180.0) % 360.0 - 180.0, latitude)
+    height = geoid_height(*middle_to_lonlat(crs, extent))
     return height, (f"geoid_separation: {height:.2f} m, that of EGM96 (to about 1 m) in the middle of the block",)

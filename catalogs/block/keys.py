@@ -527,8 +527,9 @@ class BlockFileSettings(Section):
     geoid_separation: Annotated[
         Annotated[float, _float_range(-120, 120)] | Literal["auto"] | None,
         Key(
-            "Height of the geoid above the ellipsoid, for outputs with ellipsoidal heights. Absent: heights as given. `auto`: "
-            "by EGM96 in the middle of the block or city, to about 1 m, with a note.",
+            "Height of the geoid above the ellipsoid, for outputs with ellipsoidal heights. `auto`: by EGM96 in the middle of "
+            "the block or city, to about 1 m, with a note. Absent: `auto` where the CRS of the buildings has heights above the "
+            "sea, as EPSG:7415, else heights as given.",
             unit="m",
         ),
     ] = None

@@ -27,7 +27,7 @@ from catalogs.block.settings import WithSettings
 from catalogs.block.terrain_checks import note_terrain_doubts
 from catalogs.buildings.buried_feet import cut_buried_feet
 from catalogs.buildings.extents import Bounds
-from catalogs.crs import parse_crs
+from catalogs.crs import middle_to_lonlat, parse_crs
 from catalogs.features import Fault, feature_ids_by_reason, format_reason_notes
 from catalogs.readers.pictures.folders import check_picture, list_images, photos_by_facade
 from catalogs.readers.pictures.materials import MaterialPicture, RoofPicture, read_material_pictures
@@ -109,6 +109,13 @@ class Block(WithSettings):
         """Return whether photos of facades are rectified; else they are as taken from the street."""
         return self.settings.imagery.photos is None or self.settings.imagery.photos.rectified
 
+    def describe_place(self) -> str:
+        """Return the place of the buildings in degrees, and the CRS."""
+        longitude, latitude = middle_to_lonlat(self.crs.to_wkt(), buildings_extent_with_margin(self.buildings))
+        north, east = "N" if latitude >= 0.0 else "S", "E" if longitude >= 0.0 else "W"
+        name = f"{self.crs.to_string()}, {self.crs.name}" if self.crs.to_authority() else self.crs.name
+        return f"{abs(latitude):.4f} {north}, {abs(longitude):.4f} {east} ({name})"
+
 
 def read_block(path: Path | str) -> Block:
     """Read and check a block file; the README of this package documents its keys.
@@ -162,7 +169,8 @@ def build_block(keys: BlockFileSettings, file: BlockFileErrorContext) -> Block:
     frame, built, extent = geometry.crs, geometry.buildings, geometry.extent
     terrain = _read_terrain(files, frame, extent, file)
     buildings, cut = cut_buried_feet(built.items, terrain)
-    separation, geoid_notes = resolve_geoid_separation(keys.geoid_separation, frame.to_wkt(), extent)
+    stated = geometry.geoid_separation if keys.geoid_separation is None else keys.geoid_separation
+    separation, geoid_notes = resolve_geoid_separation(stated, frame.to_wkt(), extent)
     height = keys.texture.viewpoint_height
     correct = partial(correct_camera_heights, buildings=buildings, elevation=terrain, camera_height=height)
     panoramas, broken_panoramas, far = _read_posed_pictures(keys, files, frame, extent, correct, file)
@@ -276,7 +284,6 @@ def _read_part(keys: BlockFileSettings, files: NamedFiles, file: BlockFileErrorC
     values = file.call_reader("part.path", read_city_part, files["part.path"][0])
     frame = file.call_reader("part.path", parse_crs, values.crs)
     terrain = _read_terrain(files, frame, values.extent, file)
-    separation, _ = resolve_geoid_separation(keys.geoid_separation, frame.to_wkt(), values.extent)
     return Block(
         crs=frame,
         shops=None,
@@ -287,7 +294,6 @@ def _read_part(keys: BlockFileSettings, files: NamedFiles, file: BlockFileErrorC
         settings=keys,
         roof_material=_find_roof_material(keys, files, file),
         materials=_read_materials(files, file),
-        geoid_separation=separation,
         models=_model_files(files),
     )
 

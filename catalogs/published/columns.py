@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 ItemRow = dict[str, Any]
 
 ITEM_KINDS = ("facade", "building", "street", "surface", "panorama", "photo", "exemplar", "page", "tile", "picture")
-STATUSES = ("done", "failed")
+STATUSES = ("done", "failed", "refused")
 
 TEXT, COUNT, NUMBER = "string", "int32", "double"
 SHARE = "0 to 1"
@@ -294,7 +294,10 @@ COLUMNS = (
         "parents", TEXT, "", "",
         "Inputs of the facade: block/, building/ and street/ with their IDs, image/ with file names", list_parents,
     ),
-    _recorded("status", TEXT, "", "State", "done or failed", required=True, is_common=True),
+    _recorded(
+        "status", TEXT, "", "State", "done, failed (no result) or refused (an input that was set aside)", required=True,
+        is_common=True,
+    ),
     _recorded("reason", TEXT, "", "", "Why the unit failed, or why pictures of it were rejected"),
     ItemColumn(
         "seconds", NUMBER, "seconds", "Processing time", "Processing time of the facade",

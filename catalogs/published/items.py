@@ -82,14 +82,14 @@ def _check_row(row: ItemRow, path: Path) -> None:
     if row["kind"] not in ITEM_KINDS:
         raise InputError(f"{facade}: kind is {row['kind']!r}; give one of {', '.join(ITEM_KINDS)}")
     if row["kind"] != "facade":
-        if row["geometry"] is not None or row["status"] != "failed" or not row["reason"]:
-            raise InputError(f"{facade}: a {row['kind']} has a row only when it is set aside, with a reason")
+        if row["geometry"] is not None or row["status"] not in STATUSES[1:] or not row["reason"]:
+            raise InputError(f"{facade}: a {row['kind']} has a row only when it failed or is refused, with a reason")
         return
     geometry = row["geometry"]
     if getattr(geometry, "geom_type", None) != "LineString" or getattr(geometry, "is_empty", True):
         raise InputError(f"{facade}: geometry is no LineString; give the facade's foot line")
     if row["status"] not in STATUSES:
-        raise InputError(f"{facade}: status is {row['status']!r}; give {' or '.join(STATUSES)}")
+        raise InputError(f"{facade}: status is {row['status']!r}; give one of {', '.join(STATUSES)}")
     if row["status"] == "failed" and not row["reason"]:
         raise InputError(f"{facade}: failed without a reason; say why")
 

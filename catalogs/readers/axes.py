@@ -22,6 +22,7 @@ _EPSG_CODES = re.compile(r"epsg(?:\.xml#|[:/]+(?:[\w.]*[:/])?)(\d{4,6})(?:\+(\d{
 _SURVEY_CODES = {f"ETRS89_UTM{zone}": 25800 + zone for zone in (31, 32, 33)} | {  # names of the German surveys (AdV)
     f"DE_DHDN_3GK{zone}": 31464 + zone for zone in range(2, 6)
 }
+_SURVEY_CODES |= {"DE_DHHN92_NH": 5783, "DE_DHHN2016_NH": 7837}
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +82,8 @@ def resolve_crs_axes(
     horizontal = next((part for part in parts if not part.is_vertical), None)
     if horizontal is None:
         return CoordinateAxes(), "names of a CRS that are not understood"
-    crs = f"EPSG:{codes[0]}" if len(codes) == 1 else horizontal.to_string()
+    is_whole = len(codes) == 1 or [part.is_vertical for part in parts] == [False, True]
+    crs = f"EPSG:{'+'.join(map(str, codes))}" if is_whole else horizontal.to_string()
     if horizontal.is_geocentric:
         raise InputError(f"{path} is in geocentric {crs}; reproject it to a projected CRS in metres")
     north_first = horizontal.axis_info[0].direction == "north" and "CRS84" not in name

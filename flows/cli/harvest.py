@@ -10,7 +10,7 @@ import click
 
 from flows.cli.output import print_line, print_notice
 from flows.cli.paths import EXISTING, FOLDER
-from tasks.harvest import MAX_EXEMPLARS, NOT_LOOKED_FOR, describe_weak_exemplars
+from tasks.harvest import MAX_EXEMPLARS, NOT_LOOKED_FOR, describe_weak_exemplars, note_few_exemplars
 
 # Files without a picture that are listed one by one.
 MAX_LISTED_FAULTS = 20
@@ -57,6 +57,8 @@ def harvest(pictures: tuple[Path, ...], out: Path, most: int, licence: str | Non
         print_notice(f"{len(found.faults) - MAX_LISTED_FAULTS} more files cannot be read")
     if not found.looked:
         print_notice(NOT_LOOKED_FOR)
+    if found.exemplars and (note := note_few_exemplars(len(found.exemplars))):
+        print_notice(note)
     if found.weak:
         print_notice(describe_weak_exemplars(found.weak))
     print_line(f"pictures   {found.pictures}, {found.earlier} of them done before; {found.seconds:.1f} s each")

@@ -70,7 +70,7 @@ class BackgroundRun:
 def describe_outcome(summary: JsonObject) -> str:
     """Return the outcome of a run in one line."""
     counts = f"{format_count(summary['units_done'], 'unit')} done, {summary['units_skipped']} were done before"
-    failures = summary["failures"]
+    failures = summary["failures"] + summary["refused"]
     if not failures:
         if summary["units_done"]:
             return counts

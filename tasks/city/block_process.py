@@ -23,7 +23,7 @@ log = logging.getLogger(__name__)
 # Exit code of sysexits.h for failures of the machine; a block with it is run again, as one with DEADLINE_EXIT_CODE is.
 MACHINE_EXIT_CODE = 70
 # Keys of a block's summary that do not describe its content.
-_OMITTED_KEYS = ("outputs", "failures", "out", "seconds")
+_OMITTED_KEYS = ("outputs", "failures", "refused", "out", "seconds")
 
 
 def block_output_path(out: Folder, name: str) -> Path:

@@ -53,6 +53,7 @@ class EstimatedCounts:
     parts_are_files : whether the parts are block files, of which the others were not read.
     margin_s : half width of the interval that the sample leaves, in processor seconds of all blocks.
     is_city : False for a block file that `streetloom run` textures as it is.
+    place : place of a map that is read whole, in words.
     """
 
     name: str
@@ -62,6 +63,7 @@ class EstimatedCounts:
     margin_s: float
     is_city: bool
     parts_are_files: bool = False
+    place: str = ""
 
 
 def estimate_counts(path: Path, notify: Notify = lambda step: None) -> EstimatedCounts:
@@ -110,7 +112,7 @@ def estimate_block_counts(block: Block, block_size: float | None, notify: Notify
     if block_size is None and (block.part is not None or len(block.buildings) <= MAX_WHOLE_BUILDINGS):
         notify(f"planning {format_count(len(block.buildings), 'building')}")
         counts = replace(block_counts_from_map(block), **block_counts_from_plan(block))
-        return EstimatedCounts(block.name, (counts,), 1, 1, 0.0, is_city=False)
+        return EstimatedCounts(block.name, (counts,), 1, 1, 0.0, is_city=False, place=block.describe_place())
     if not block.streets:
         notify("deriving the streets")
         block = replace(block, streets=derive_streets([building.footprint for building in block.buildings]))
@@ -142,7 +144,15 @@ def estimate_block_counts(block: Block, block_size: float | None, notify: Notify
         cuts = partition_city(block.buildings, whole.segments, block_size=block_size, halo=0.0)
         blocks = on_map.sum_by_block(*_owners(whole, cuts), len(cuts))
     corrected = tuple(one.multiply(factors) for one in blocks)
-    return EstimatedCounts(block.name, corrected, len(chosen), len(parts), margin, is_city=block_size is not None)
+    return EstimatedCounts(
+        block.name,
+        corrected,
+        len(chosen),
+        len(parts),
+        margin,
+        is_city=block_size is not None,
+        place=block.describe_place(),
+    )
 
 
 def _estimate_block_files(name: str, files: Sequence[Path], notify: Notify) -> EstimatedCounts:

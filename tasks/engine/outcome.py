@@ -72,7 +72,7 @@ class UnitOutcomeCounts:
     done : units that were processed.
     skipped : units that the journal already held as done.
     failed : (unit, reason).
-    refused : units that are done without a rejected picture, as (unit, reason).
+    refused : (unit, reason) of inputs that were set aside, and of units that are done without a rejected picture.
     """
 
     done: int = 0
@@ -103,6 +103,11 @@ class UnitOutcomeCounts:
             self.failed + other.failed,
             self.refused + other.refused,
         )
+
+
+def list_reasons(units: Iterable[tuple[str, str]]) -> list[dict[str, str]]:
+    """List units with their reasons as the summary of a run does."""
+    return [{"unit": unit, "reason": reason} for unit, reason in units]
 
 
 def list_units_with_rejections(records: Iterable[Record | None]) -> tuple[tuple[str, str], ...]:

@@ -146,27 +146,26 @@ def record_finish_time(record: Record | None) -> datetime | None:
 def _unusable_rows(run: Run, block: StoredBlock) -> list[ItemRow]:
     known: ItemRow = {
         "block": run.block,
-        "status": "failed",
         "code_version": block.version,
         "config_digest": run.key,
         "updated": block.ingest_time,
     }
+    units = [*((*one, "refused") for one in block.group.attrs["set_aside"]), *_unfinished_units(block)]
     return [
-        dict.fromkeys(ROW_KEYS) | known | {"id": unit, "kind": kind, "reason": reason}
-        for kind, unit, reason in _unusable_units(block)
+        dict.fromkeys(ROW_KEYS) | known | {"id": unit, "kind": kind, "reason": reason, "status": status}
+        for kind, unit, reason, status in units
     ]
 
 
-def _unusable_units(block: StoredBlock) -> Iterator[tuple[str, str, str]]:
-    """Yield kind, id and reason of units other than facades that failed or are stale."""
-    yield from block.group.attrs["set_aside"]
+def _unfinished_units(block: StoredBlock) -> Iterator[tuple[str, str, str, str]]:
+    """Yield kind, id, reason and status of units other than facades that failed or are stale."""
     for kind in STAGES_IN_ORDER:
         if kind.inputs is None or kind is FACADES:  # facades have rows of their own
             continue
         for record in block.records_by_stage[kind.stage]:
             if record and record["status"] == "failed":
-                yield kind.subject, record["unit"], record["reason"]
+                yield kind.subject, record["unit"], record["reason"], "failed"
     for record in block.journals["streets"]:
         if record and record["status"] in ("stale", "failed"):
             stale = "stale: " if record["status"] == "stale" else ""
-            yield "street", record["unit"], f"{stale}{record['reason']}"
+            yield "street", record["unit"], f"{stale}{record['reason']}", "failed"

@@ -173,7 +173,7 @@ def test_artifacts_show_the_text_alone(made: SimpleNamespace, monkeypatch: pytes
     for kind in ("table", "link", "markdown"):
         monkeypatch.setattr(artifacts, f"create_{kind}_artifact", lambda *what, **more: written.append((what, more)))
     failures = [{"unit": name, "reason": f"{name}: is broken; mend it"} for name in made.names]
-    counts = {"units_done": 1, "units_skipped": 0, "failures": failures, "out": str(made.out)}
+    counts = {"units_done": 1, "units_skipped": 0, "failures": failures, "refused": [], "out": str(made.out)}
     artifacts.publish_outcome(made.run, made.summary | counts)
     artifacts.publish_viewer_link(made.run)
     reader = MarkdownIt("commonmark", {"html": True}).enable(["table", "strikethrough"])
@@ -202,7 +202,8 @@ def test_terminals_are_not_steered(made: SimpleNamespace, caplog: pytest.LogCapt
     assert {record.unit for record in caplog.records} == {CONTROLS}
     failures = [{"unit": name, "reason": f"{name}: is broken; mend it"} for name in [*made.names, "[/red]", "\ud800"]]
     drawn = io.StringIO()
-    summary = made.summary | {"failures": failures, "seconds": 1.0, "units_skipped": 0, "out": str(made.out)}
+    summary = made.summary | {"failures": failures, "refused": [], "seconds": 1.0, "units_skipped": 0}
+    summary |= {"out": str(made.out)}
     console.print_summary(Console(file=drawn, force_terminal=True, width=80), summary)
     shown = re.sub(r"\x1b\[[\d;]*m", "", drawn.getvalue())  # its own colours
     assert printable(shown)

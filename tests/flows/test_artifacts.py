@@ -50,7 +50,8 @@ def test_facades_are_a_table_failed_ones_first(told: dict[str, tuple[Any, str]],
         "facades_done": 1,
         "units_done": 2,
         "units_skipped": 0,
-        "failures": [{"unit": "w9", "reason": "no roof"}],
+        "failures": [{"unit": "f2", "reason": "too dark"}],
+        "refused": [{"unit": "w9", "reason": "no roof"}],
         "outputs": {"report": str(tmp_path / "r.html"), "glb": [], "items": str(tmp_path / "items.parquet")},
     }
     artifacts.publish_outcome(cast(Any, run), summary)
@@ -58,7 +59,7 @@ def test_facades_are_a_table_failed_ones_first(told: dict[str, tuple[Any, str]],
     assert [(row["id"], row["status"]) for row in rows] == [("f2", "failed"), ("f1", "done")]
     assert [row["quality"] for row in rows] == [None, "good"]
     assert description.startswith("2 facades, failed ones first")
-    assert told["demo-failures"][0] == summary["failures"]
+    assert told["demo-failures"][0] == [*summary["failures"], *summary["refused"]]
     assert "http://127.0.0.1:8710/" in told["demo-outputs"][0]
 
 

@@ -173,7 +173,7 @@ def test_artifacts_tell_units_and_outputs(site: Site, finished: tuple[Path, Flow
     assert {row["status"] for row in rows} == {"done"}
     assert all(row["seconds"] > 0 for row in rows if row["stage"] == "facades")
     assert shown["units"][1] == f"{len(rows)} units: {len(rows)} done in this run, 0 before, 0 failed"
-    assert shown["failures"] == ([], "no unit failed or was set aside")
+    assert shown["failures"] == ([], "0 units failed, 0 refused, and why")
     assert "http://127.0.0.1:8710/" in shown["viewer"][0]
     assert f"`streetloom view {out}`" in shown["viewer"][1]
     assert "](http://127.0.0.1:8710/)" in shown["outputs"][0]
@@ -222,10 +222,12 @@ def test_a_schedule_fires_and_skips_what_is_done(
     assert run.auto_scheduled
     assert run.state_name == "Completed"
     count = len(artifacts(site, first.id)["units"][0])
-    assert artifacts(site, run.id)["units"][1] == f"{count} units: 0 done in this run, {count} before, 0 failed"
+    assert (
+        artifacts(site, run.id)["units"][1] == f"{count} units: 0 done in this run, {count} before, 0 failed, 0 refused"
+    )
 
 
-def test_a_broken_photo_is_a_failed_unit_not_a_failed_run(site: Site, tmp_path: Path) -> None:
+def test_a_broken_photo_is_refused_and_the_run_completed(site: Site, tmp_path: Path) -> None:
     """One of two photos is cut off, the other astray."""
     for facade in ("a-0", "b-0"):
         write_photo(tmp_path / "in", facade, 1)
@@ -236,22 +238,21 @@ def test_a_broken_photo_is_a_failed_unit_not_a_failed_run(site: Site, tmp_path: 
     typed(site, ALONE, {"blocks/mine.yaml": str(block), "out/mine": str(tmp_path / "out")})
     run = the_run(site, "dev")
     assert run.state
-    assert (run.state.type.value, run.state.name) == ("COMPLETED", "UnitsFailed")
-    assert run.state.message == "2 units failed or set aside"
+    assert (run.state.type.value, run.state.name) == ("COMPLETED", "Completed")
     shown = artifacts(site, run.id)
     reasons = {failure["unit"]: failure["reason"] for failure in shown["failures"][0]}
     assert reasons.keys() == {broken.stem, astray.name}
     assert broken.name in reasons[broken.stem]
     assert "no facade has the id" in reasons[astray.name]
     told = {(row["stage"], row["unit"], row["status"]) for row in shown["units"][0][:2]}
-    assert told == {("facades", broken.stem, "refused"), ("ingest", astray.name, "set aside")}
+    assert told == {("facades", broken.stem, "refused"), ("ingest", astray.name, "refused")}
     assert (tmp_path / "out" / "current").is_file()
 
 
 def test_an_unusable_block_file_fails_the_run_at_once(site: Site, tmp_path: Path) -> None:
     block = tmp_path / "bad.yaml"
     block.write_text("name: mine\nbuildigs: {path: a.pbf}\n")
-    typed(site, ALONE, {"blocks/mine.yaml": str(block), "out/mine": str(tmp_path / "out")}, expect=1)
+    typed(site, ALONE, {"blocks/mine.yaml": str(block), "out/mine": str(tmp_path / "out")})
     run = the_run(site, "dev")
     assert run.state
     assert run.state_name == "Failed"

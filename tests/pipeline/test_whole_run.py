@@ -218,14 +218,15 @@ def test_a_broken_photo_and_one_of_no_facade_are_set_aside(tmp_path: Path) -> No
     photo, other = sorted((tmp_path / "in" / "photos").iterdir())
     other.rename(other.with_name("w999-0.png"))  # no facade has this id
     photo.write_bytes(photo.read_bytes()[: photo.stat().st_size // 2])
-    summary = run(block, tmp_path / "out", workers=1, expect=1)
-    assert {failure["unit"] for failure in summary["failures"]} == {photo.stem, "w999-0.png"}
+    summary = run(block, tmp_path / "out", workers=1)
+    assert not summary["failures"]
+    assert {one["unit"] for one in summary["refused"]} == {photo.stem, "w999-0.png"}
     assert "w999-0" in Path(summary["outputs"]["report"]).read_text()
     assert summary["facades_failed"] == 0
     told = query(tmp_path / "out", where="reason is not null")
     assert list(zip(told["kind"], told["id"], told["status"], strict=True)) == [
         ("facade", photo.stem, "done"),  # from an exemplar
-        ("photo", "w999-0.png", "failed"),
+        ("photo", "w999-0.png", "refused"),
     ]
     assert photo.name in told["reason"][0]
     assert Path(summary["outputs"]["glb"][0]).is_file()

@@ -9,6 +9,7 @@ import pytest
 from catalogs.block.geoid import geoid_height
 from catalogs.block.key_faults import validate_block_settings
 from catalogs.block.reader import read_block
+from catalogs.crs import stated_geoid_separation
 from tests.pipeline.stages import write_block
 
 KEYS = {"name": "a", "buildings": {"path": "a.geojson"}}
@@ -40,6 +41,29 @@ def test_an_automatic_separation_is_that_of_the_model_with_a_note(tmp_path: Path
     stated = read_block(write_block(tmp_path / "stated", texture=texture, geoid_separation=found.geoid_separation))
     assert stated.geoid_separation == found.geoid_separation
     assert not any("EGM96" in note for note in stated.notes)
+
+
+@pytest.mark.parametrize(
+    ("names", "stated"),
+    [
+        (["EPSG:7415"], "auto"),
+        (["EPSG:25832+5783", "EPSG:7415"], "auto"),
+        (["EPSG:4979"], 0.0),
+        (["EPSG:28992"], None),
+        (["EPSG:7415", "EPSG:28992"], None),
+        (["EPSG:7415", "EPSG:4979"], None),
+        ([], None),
+    ],
+)
+def test_systems_state_what_their_heights_are_above(names: list[str], stated: float | str | None) -> None:
+    assert stated_geoid_separation(names) == stated
+
+
+def test_heights_above_the_sea_have_the_separation_of_the_model(tmp_path: Path) -> None:
+    file = write_block(tmp_path, texture={"walls": "translate"})
+    file.write_text(file.read_text().replace("crs: EPSG:32635\n", "crs: EPSG:32635+3855\n", 1))
+    found = read_block(file)
+    assert found.geoid_separation == pytest.approx(17.9, abs=0.2)
 
 
 def test_other_words_are_refused() -> None:

@@ -61,15 +61,19 @@ def test_a_repeated_line_has_the_counts_of_its_time() -> None:
     assert lines.update(StageProgress("facades", 101, 200, failed=1, earlier=100)) is None, "less than a tenth"
     lines.update(StageProgress("pages", 1, 1))
     now[0] = 140.0
-    assert lines.describe() == "facades: 101 of 200, 1 failed, 0:02:20 so far, about 3 h 51 min left"
+    assert lines.describe() == "facades: 101 of 200, 1 failed, 0:02:20 so far", "too few to estimate from"
     now[0] = 160.0
-    assert lines.describe() == "facades: 101 of 200, 1 failed, 0:02:40 so far, about 4 h 24 min left"
+    assert lines.describe() == "facades: 101 of 200, 1 failed, 0:02:40 so far"
     lines.update(StageProgress("facades", 200, 200, failed=1, earlier=100))
     now[0] = 180.0
     assert lines.describe() == "facades: done; on the next step for 0:00:20"
     assert lines.update(StageProgress("pages", 0, 4)) == "pages: 4", "the stage has begun again"
     now[0] = 190.0
     assert lines.update(StageProgress("pages", 1, 4)) == "pages: 1 of 4, about 30 s left"
+    now[0] = 300.0
+    assert lines.update(StageProgress("pages", 2, 4)) == "pages: 2 of 4, revised: about 2 min left"
+    now[0] = 320.0
+    assert lines.update(StageProgress("pages", 3, 4)) == "pages: 3 of 4, about 47 s left"
 
 
 @pytest.mark.parametrize(
@@ -147,7 +151,7 @@ def test_a_run_that_logs_nothing_leaves_no_log(tmp_path: Path) -> None:
 @pytest.mark.parametrize("is_painted", [True, False])
 def test_faces_are_not_missed_on_painted_pictures(is_painted: bool) -> None:
     summary = {
-        "block": "demo", "facades_done": 3, "seconds": 2.0, "units_skipped": 0, "failures": [],
+        "block": "demo", "facades_done": 3, "seconds": 2.0, "units_skipped": 0, "failures": [], "refused": [],
         "not_looked_at": 2, "outputs": {"report": "r", "glb": [], "items": "i"}, "out": "out/demo",
     }  # fmt: skip
     written = io.StringIO()

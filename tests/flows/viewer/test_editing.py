@@ -128,7 +128,7 @@ def test_an_editor_is_served_on_loopback_alone_and_told_the_token(tmp_path: Path
 
 
 def test_a_redo_with_nothing_due_says_so() -> None:
-    summary: dict[str, Any] = {"units_done": 0, "units_skipped": 680, "failures": []}
+    summary: dict[str, Any] = {"units_done": 0, "units_skipped": 680, "failures": [], "refused": []}
     assert describe_outcome(summary) == "there is nothing to do: all 680 units were done before"
     assert describe_outcome(summary | {"units_done": 2}) == "2 units done, 680 were done before"
     assert describe_outcome(summary | {"failures": [{"unit": "a-0", "reason": "bad"}]}).endswith("a-0: bad")
