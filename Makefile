@@ -15,7 +15,7 @@ SLOW := catalogs/block facade_core/layout facade_core/parse facade_core/rectify 
 
 .PHONY: demo test test-long test-data quick setup train-setup detect-setup ktx2-setup usd-setup sfm-setup clients docs review check bench figures figures-night constraints release clean
 
-demo: setup  ## Texture the embedded block: model and report in out/demo
+demo: .venv/runtime  ## Texture the embedded block: model and report in out/demo
 	$(BIN)/streetloom demo $(DEMO_FLAGS)
 
 # whole runs first; 3 processes on 2 cores, as tests wait
@@ -42,14 +42,19 @@ check: setup
 
 setup: .venv/ready
 
-.venv/ready: pyproject.toml deploy/constraints/constraints.txt deploy/constraints/installer.txt
+# what a user needs; tests and checks need more
+.venv/runtime: pyproject.toml deploy/constraints/runtime.txt deploy/constraints/installer.txt
 	@test -n "$(PYTHON)" || { echo "Python 3.11 or 3.12 is needed; name it with: make PYTHON=/path/to/python"; exit 1; }
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r deploy/constraints/installer.txt
-	$(BIN)/uv pip install --quiet --compile-bytecode --python $(BIN)/python --require-hashes -r deploy/constraints/constraints.txt
+	$(BIN)/uv pip install --quiet --compile-bytecode --python $(BIN)/python --require-hashes -r deploy/constraints/runtime.txt
 	$(BIN)/uv pip install --quiet --python $(BIN)/python --no-deps --no-build-isolation -e .
 	@# a relative path: Python reads this file in the encoding of the locale, and a path may have any letters
 	@for file in .venv/lib/python3*/site-packages/_streetloom.pth; do echo ../../../.. > "$$file"; done
+	@touch $@
+
+.venv/ready: .venv/runtime deploy/constraints/constraints.txt
+	$(BIN)/uv pip install --quiet --compile-bytecode --python $(BIN)/python --require-hashes -r deploy/constraints/constraints.txt
 	@touch $@
 
 train-setup: setup  ## Install the training dependencies (torch, gigabytes) into the same .venv
@@ -132,8 +137,8 @@ constraints: setup  ## Pin the requirements of pyproject.toml again
 		-c deploy/constraints/constraints.txt -o deploy/constraints/docs.txt
 	$(BIN)/uv pip compile --group review --universal --python-version 3.11 --generate-hashes \
 		--no-emit-index-url --no-annotate --no-header --upgrade -o deploy/constraints/review.txt
-	echo "uv" | $(BIN)/uv pip compile - --universal --python-version 3.11 --generate-hashes \
-		--no-emit-index-url --no-annotate --no-header --upgrade -o deploy/constraints/installer.txt
+	printf "uv\nhatchling\n" | $(BIN)/uv pip compile - --universal --python-version 3.11 --generate-hashes \
+		--no-emit-index-url --no-annotate --no-header --upgrade -c deploy/constraints/constraints.txt -o deploy/constraints/installer.txt
 
 OLD = $(shell sed -n 's/^version = "\(.*\)"/\1/p' pyproject.toml)
 release: check  ## Set a version wherever it is stated, head the changelog with it, commit and tag: make release VERSION=0.2.0

@@ -5,27 +5,22 @@ from __future__ import annotations
 import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float64Array, Int64Array
-from facade_core.geometry.raycast import load_open3d
+from facade_core.core.numba_cache import njit
 from facade_core.geometry.settings import CROSSINGS
+from facade_core.geometry.triangle_groups import GROUP_SIZE, group_triangles
+from facade_core.geometry.tuple_vectors import Vector, cross, dot, subtract, vector
 
 # Offsets of the three rays of a point, so that no ray hits an edge of an upright world exactly.
 RAY_TILTS = np.array([[0.0123, 0.0071, 0.0047], [-0.0087, 0.0131, 0.0059], [0.0031, -0.0149, 0.0083]])
 
 
 class RayCrossingCounter:
-    """Counter of ray crossings with the triangles (t, 3, 3) of a shell; not picklable."""
+    """Counter of ray crossings with the triangles (t, 3, 3) of a shell, each of a facet (t,)."""
 
     def __init__(self, corners: Float64Array, facet: Int64Array) -> None:
-        self._facet = facet
         self._centre = corners.reshape(-1, 3).mean(axis=0) if len(corners) else np.zeros(3)
-        open3d = load_open3d()
-        self._tensor = open3d.core.Tensor
-        self._scene = open3d.t.geometry.RaycastingScene(nthreads=1)
-        if len(corners):
-            self._scene.add_triangles(
-                self._tensor((corners.reshape(-1, 3) - self._centre).astype(np.float32)),
-                self._tensor(np.arange(3 * len(corners), dtype=np.uint32).reshape(-1, 3)),
-            )
+        self._groups = group_triangles(corners - self._centre) if len(corners) else None
+        self._facet = facet[self._groups.order] if self._groups else facet
 
     def has_odd_crossings(self, points: Float64Array, directions: Float64Array, own: Int64Array) -> BoolArray:
         """Return whether most of three rays from each point cross an odd number of triangles.
@@ -40,16 +35,78 @@ class RayCrossingCounter:
         -------
         (n,).
         """
-        if len(points) == 0 or len(self._facet) == 0:
-            return np.zeros(len(points), bool)
-        rays = np.empty((len(RAY_TILTS), len(points), 6), np.float32)
-        rays[..., :3] = points - self._centre
-        rays[..., 3:] = directions + RAY_TILTS[:, None]
-        hit = {
-            name: of.numpy() for name, of in self._scene.list_intersections(self._tensor(rays.reshape(-1, 6))).items()
-        }
-        ray = hit["ray_ids"].astype(np.int64)
-        counted = (self._facet[hit["primitive_ids"]] != own[ray % len(points)]) & (hit["t_hit"] > CROSSINGS.min_hit_m)
-        crossed = np.bincount(ray[counted], minlength=rays[..., 0].size).reshape(len(RAY_TILTS), len(points))
-        is_majority_odd: BoolArray = (crossed % 2).sum(axis=0) > len(RAY_TILTS) // 2
-        return is_majority_odd
+        odd = np.zeros(len(points), np.int64)
+        if self._groups is None or len(points) == 0:
+            return odd > 0
+        for tilt in RAY_TILTS:
+            odd += (
+                _count_crossings(
+                    points - self._centre,
+                    directions + tilt,
+                    own,
+                    self._groups.corners,
+                    self._facet,
+                    self._groups.low,
+                    self._groups.high,
+                    CROSSINGS.min_hit_m,
+                )
+                % 2
+            )
+        return odd > len(RAY_TILTS) // 2
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _count_crossings(
+    points: Float64Array,
+    directions: Float64Array,
+    own: Int64Array,
+    corners: Float64Array,
+    facet: Int64Array,
+    low: Float64Array,
+    high: Float64Array,
+    least: float,
+) -> Int64Array:
+    """Count the places (n,) where each ray crosses triangles farther than `least` lengths of its direction.
+
+    A face that is drawn twice counts once.
+
+    References
+    ----------
+    Möller, Trumbore, Fast, Minimum Storage Ray/Triangle Intersection, Journal of Graphics Tools 2(1), 1997.
+    """
+    crossed, places = np.zeros(len(points), np.int64), np.empty(len(corners), np.float32)
+    for n in range(len(points)):
+        p, ahead, met = vector(points[n]), vector(directions[n]), 0
+        for group in range(len(low)):
+            if not _meets_box(p, ahead, low[group], high[group]):
+                continue
+            for t in range(group * GROUP_SIZE, min((group + 1) * GROUP_SIZE, len(corners))):
+                if facet[t] != own[n]:
+                    place = _distance(p, ahead, vector(corners[t, 0]), vector(corners[t, 1]), vector(corners[t, 2]))
+                    if place > least:
+                        places[met] = place
+                        met += 1
+        crossed[n] = len(np.unique(places[:met]))
+    return crossed
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _distance(p: Vector, ahead: Vector, a: Vector, b: Vector, c: Vector) -> float:
+    """Return the distance of a triangle along a ray in lengths of its direction; -1 where they do not meet."""
+    edge, other, start = subtract(b, a), subtract(c, a), subtract(p, a)
+    across, beside = cross(ahead, other), cross(start, edge)
+    size = dot(edge, across)
+    if size == 0.0:
+        return -1.0
+    u, v = dot(start, across) / size, dot(ahead, beside) / size
+    return dot(other, beside) / size if u >= 0.0 and v >= 0.0 and u + v <= 1.0 else -1.0
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _meets_box(p: Vector, ahead: Vector, low: Float64Array, high: Float64Array) -> bool:
+    """Return whether a ray, of which no direction is exactly along an axis, meets a box."""
+    near, far = 0.0, np.inf
+    for axis in range(3):
+        one, other = (low[axis] - p[axis]) / ahead[axis], (high[axis] - p[axis]) / ahead[axis]
+        near, far = max(near, min(one, other)), min(far, max(one, other))
+    return near <= far

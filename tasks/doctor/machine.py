@@ -26,7 +26,6 @@ def examine_machine(folder: Path) -> Iterator[Finding]:
     """Yield the findings about this machine; `folder`: location of the runs."""
     yield _check_python()
     yield from check_packages(requires(PACKAGE) or ())
-    yield _check_open3d()
     yield from check_models(_shipped_models())
     yield check_detectors()
     yield check_disk(folder)
@@ -82,16 +81,6 @@ def _read_constraints() -> Iterator[tuple[str, str]]:
             name, pinned, marker = match.groups()
             if marker is None or Marker(marker.strip()).evaluate():
                 yield name, pinned
-
-
-def _check_open3d() -> Finding:
-    from facade_core.geometry.raycast import load_open3d
-
-    try:
-        return Finding("rays", True, f"open3d {load_open3d().__version__} loads, and the libusb that it needs")
-    except (ImportError, OSError, RuntimeError) as error:
-        said = " ".join(str(error).split())
-        return Finding("rays", False, f"open3d cannot be loaded ({said}); `make setup` installs it with its libusb")
 
 
 def _shipped_models() -> dict[Path, Callable[[Path], object]]:

@@ -50,7 +50,6 @@ EXCLUDED_LIBRARIES = frozenset(
         "dask",
         "distributed",
         "icechunk",
-        "libusb_package",
         "onnx",
         "prefect",
         "psutil",
@@ -65,10 +64,8 @@ DISTRIBUTION_NAMES = {
     "cv2": "opencv-python-headless",
     "google": "protobuf",
     "maxflow": "PyMaxflow",
-    "open3d": "open3d-cpu",
     "ruamel": "ruamel.yaml",
     "skimage": "scikit-image",
-    "sklearn": "scikit-learn",
     "yaml": "pyyaml",
 }
 

@@ -28,8 +28,8 @@ ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", 
 
 # Packages whose versions are named where they differ.
 REPORTED_LIBRARIES = (
-    *("numpy", "scipy", "opencv-python-headless", "scikit-image", "scikit-learn", "pillow", "onnxruntime"),
-    "open3d-cpu",
+    *("numpy", "scipy", "opencv-python-headless", "scikit-image", "pillow", "onnxruntime"),
+    "embreex",
 )
 # Where workers say what the run should hear.
 LOG_TOPIC = "streetloom"
