@@ -11,7 +11,6 @@ from benchmarks.figures.rows import GOAL, Measured, Rows, Subject, fill_cell, re
 from tasks.engine.stage_code import ROOT
 
 PAGE = ROOT / "docs" / "figures.md"
-NAMED = 3  # rooms
 BEST: dict[str, Callable[[Iterable[float]], float]] = {"↑": max, "↓": min}
 RECORDS = "../benchmarks/figures/records"
 HEAD = """# Figures
@@ -19,7 +18,7 @@ HEAD = """# Figures
 Each table has one subject, each row one measure. *Goal* is what the project wants; other columns are other methods on the same
 data. An arrow says whether more ↑ or less ↓ is better, and **bold** marks the best of such a row, whoever has it.
 
-- Measured on 2 cores of a server (x86-64) without a graphics card. *Load* is other work of the machine (2 is all of it).
+- Measured on 2 cores of a server (x86-64) without a graphics card. *Load* counts other processes at work.
 - *Held-out* or *unseen* data was used neither for training nor for settings.
 - *Painted* streets are computer-made, so that the truth is known.
 - ECP, CMP, Art-Deco and LabelMeFacade are collections of labelled facade photographs.
@@ -95,8 +94,4 @@ def _as_of_record(name: str, measured: Measured, record: Record, changes: Mappin
     load = f", load {record.load[0]:.0f}" if measured.timed else ""
     if changes is None:
         return f"[{record.date}]({place}){load}"
-    rooms = changes.get(name, [])
-    if not rooms:
-        return f"[{record.date}]({place}){load}, this code"
-    more = f" and {len(rooms) - NAMED} more" if len(rooms) > NAMED else ""
-    return f"[{record.date}]({place}){load}; changed since: {', '.join(f'`{room}`' for room in rooms[:NAMED])}{more}"
+    return f"[{record.date}]({place}){load}, {'code changed since' if changes.get(name) else 'this code'}"
