@@ -50,7 +50,6 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str
     """Links to files that the site does not have, such as code, become their names; figures say what has changed since."""
     if page.file.src_uri == "docs/figures.md":
         markdown = current_with_changes()
-        page.meta["hide"] = ["toc"]  # four columns
     markdown = _DRAWING.sub(lambda _: as_svg(read_layers()), markdown)
     folder = Path(page.file.src_uri).parent
 

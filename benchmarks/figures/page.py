@@ -2,39 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 from benchmarks.figures.code import changed, code_of
 from benchmarks.figures.records import Record, read_record
-from benchmarks.figures.rows import Measured, Row, Rows, figure_of, read_rows
+from benchmarks.figures.rows import GOAL, Measured, Rows, Subject, fill_cell, read_rows
 from tasks.engine.stage_code import ROOT
 
 PAGE = ROOT / "docs" / "figures.md"
-NAMED = 3  # rooms
+BEST: dict[str, Callable[[Iterable[float]], float]] = {"↑": max, "↓": min}
 RECORDS = "../benchmarks/figures/records"
 HEAD = """# Figures
 
-`make figures` writes this page from the rows and records of `benchmarks/figures/`. A record is the output of a benchmark,
-with day, machine, load and digests of the measured code. Measured on 2 cores.
+Each table has one subject, each row one measure. *Goal* is what the project wants; other columns are other methods on the same
+data. An arrow says whether more ↑ or less ↓ is better, and **bold** marks the best of such a row, whoever has it.
 
-*as of* names the source of a figure:
+- Measured on 2 cores of a server (x86-64) without a graphics card. *Load* counts other processes at work.
+- *Held-out* or *unseen* data was used neither for training nor for settings.
+- *Painted* streets are computer-made, so that the truth is known.
+- ECP, CMP, Art-Deco and LabelMeFacade are collections of labelled facade photographs.
+- PSNR (dB) and SSIM compare with the true picture; IoU and F1 compare areas and objects with marked ones.
 
-- a day: a record of that day, with the machine's load where time or memory is measured (2 is all of it).
-- every test run: the tests measure it again.
-- by hand: entered on that day, before records were kept.
-- by eye: judged by a person on that day.
-
-`python -m benchmarks.figures --due` lists the records whose code has changed since, and where.
-
-| what | figure | as of | command |
-|---|---|---|---|
+`make figures` writes this page from `benchmarks/figures/`; `python -m benchmarks.figures --due` lists what to measure again.
 """
 
 
 def rendered(rows: Rows, records: Mapping[str, Record], changes: Mapping[str, list[str]] | None = None) -> str:
     """The page; with what `due` says, it tells what has changed since of the code of each record."""
-    return HEAD + "".join(f"{_line(row, rows, records, changes)}\n" for row in rows.rows)
+    return HEAD + "".join(f"\n{_section(subject, rows, records, changes)}" for subject in rows.subjects)
 
 
 def current() -> str:
@@ -51,8 +47,8 @@ def current_with_changes() -> str:
 
 
 def kept(rows: Rows) -> dict[str, Record]:
-    """The records that rows name."""
-    return {name: read_record(name) for name in sorted({name for row in rows.rows for name in row.records})}
+    """The records that subjects name."""
+    return {name: read_record(name) for name in sorted({name for subject in rows.subjects for name in subject.records})}
 
 
 def due(records: Mapping[str, Record], root: Path = ROOT) -> dict[str, list[str]]:
@@ -61,19 +57,34 @@ def due(records: Mapping[str, Record], root: Path = ROOT) -> dict[str, list[str]
     return {name: rooms for name, rooms in found.items() if rooms}
 
 
-def _line(row: Row, rows: Rows, records: Mapping[str, Record], changes: Mapping[str, list[str]] | None) -> str:
-    commands = [records[name].command for name in row.records] or [str(row.command)]
-    of = [_as_of_record(name, rows.measured[name], records[name], changes) for name in row.records]
-    if row.by:
-        of.append(f"{'the rest ' if of else ''}by {row.by}, {row.of}")
-    anchor = f'<a id="{row.anchor}"></a>' if row.anchor else ""
-    cells = (
-        anchor + row.what,
-        figure_of(row, records),
-        "; ".join(of),
-        ", ".join(f"`{command}`" for command in commands),
-    )
-    return f"| {' | '.join(cells)} |"
+def _section(
+    subject: Subject, rows: Rows, records: Mapping[str, Record], changes: Mapping[str, list[str]] | None
+) -> str:
+    sources = [
+        f"{_as_of_record(name, rows.measured[name], records[name], changes)}: `{records[name].command}`"
+        for name in subject.records
+    ]
+    if subject.judged:
+        sources.append(f"by eye, {subject.judged}: `{subject.command}`")
+    lines = [["measure", *subject.columns], ["-"] * (1 + len(subject.columns)), *subject.rows]
+    return "\n".join([
+        *([f"## {subject.part}\n"] if subject.part else []),
+        f'<a id="{subject.anchor}"></a>\n\n### {subject.title}\n',
+        *([f"{subject.text}\n"] if subject.text else []),
+        *(f"|{'|'.join(_fill_line(subject, line, records))}|" for line in lines),
+        f"\nMeasured: {'; '.join(sources)}.\n",
+    ])  # fmt: skip
+
+
+def _fill_line(subject: Subject, line: Sequence[str], records: Mapping[str, Record]) -> list[str]:
+    """The cells of a line; of a measure that ends in an arrow the best are bold."""
+    cells = [fill_cell(cell, records) for cell in line]
+    if cells[0][-1] not in BEST:
+        return cells
+    competes = [False, *(name != GOAL and not name.startswith("(") for name in subject.columns)]
+    values = [float(cell.replace(",", "")) if ok and cell else None for cell, ok in zip(cells, competes, strict=True)]
+    best = BEST[cells[0][-1]](value for value in values if value is not None)
+    return [f"**{cell}**" if value == best else cell for cell, value in zip(cells, values, strict=True)]
 
 
 def _as_of_record(name: str, measured: Measured, record: Record, changes: Mapping[str, list[str]] | None) -> str:
@@ -83,8 +94,4 @@ def _as_of_record(name: str, measured: Measured, record: Record, changes: Mappin
     load = f", load {record.load[0]:.0f}" if measured.timed else ""
     if changes is None:
         return f"[{record.date}]({place}){load}"
-    rooms = changes.get(name, [])
-    if not rooms:
-        return f"[{record.date}]({place}){load}, this code"
-    more = f" and {len(rooms) - NAMED} more" if len(rooms) > NAMED else ""
-    return f"[{record.date}]({place}){load}; changed since: {', '.join(f'`{room}`' for room in rooms[:NAMED])}{more}"
+    return f"[{record.date}]({place}){load}, {'code changed since' if changes.get(name) else 'this code'}"

@@ -1,15 +1,13 @@
-"""The rows of the page, and how a figure is taken out of a record: rows.toml.
+"""The subjects of the page, and how a cell is filled from a record: rows.toml.
 
-In the text of a figure `{record/key/key:spec}` stands for a value of a record. A key may be an item's number, and of a list a
+In a cell `{record/key/key:spec}` stands for a value of a record. A key may be an item's number, and of a list a
 word that this item alone has as a value. spec is Python's, with the nought before a point only where it begins with one (`.2f`
-gives .56, `0.2f` 0.56), and may follow on a conversion: `!percent`, `!kilo`, `!mega`, or of a list `!min`, `!max`, `!median`,
-`!mean`, `!count`, `!sum`.
+gives .56, `0.2f` 0.56), and may follow on a conversion: `!percent`, or of a list `!count`.
 """
 
 from __future__ import annotations
 
 import re
-import statistics
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -22,18 +20,8 @@ from facade_core.core.errors import InputError
 
 ROWS = Path(__file__).parent / "rows.toml"
 PLACE = re.compile(r"\{([^{}:!]+)(?:!(\w+))?(?::([^{}]*))?\}")
-CONVERSIONS: dict[str, Callable[[Any], Any]] = {
-    "percent": lambda value: 100 * value,
-    "kilo": lambda value: value / 1e3,
-    "mega": lambda value: value / 1e6,
-    "min": min,
-    "max": max,
-    "median": statistics.median,
-    "mean": statistics.fmean,
-    "count": len,
-    "sum": sum,
-}
-BY = ("hand", "eye")
+CONVERSIONS: dict[str, Callable[[Any], Any]] = {"percent": lambda value: 100 * value, "count": len}
+GOAL = "goal"
 
 
 @dataclass(frozen=True)
@@ -47,55 +35,66 @@ class Measured:
 
 
 @dataclass(frozen=True)
-class Row:
-    """what: what is measured; figure: text with places for values. by: whether what is of no record was carried over by hand or
-    judged by eye, `of` which day; command: what measures it, where no record of it is there; anchor: where links to it lead."""
+class Subject:
+    """A table of the page. columns: heads of the cells after the measure of each row; part: the part of the page that it
+    begins; judged: the day on which a person judged what is of no record, by pictures that `command` makes."""
 
-    what: str
-    figure: str
-    by: str | None = None
-    of: date | None = None
+    title: str
+    anchor: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    text: str | None = None
+    part: str | None = None
+    judged: date | None = None
     command: str | None = None
-    anchor: str | None = None
 
     @property
     def records(self) -> list[str]:
-        """The names of the records that its figures are of, in their order."""
-        return list(dict.fromkeys(place[1].partition("/")[0] for place in PLACE.finditer(self.figure)))
+        """The names of the records that its cells are of, in their order."""
+        return list(
+            dict.fromkeys(place[1].partition("/")[0] for row in self.rows for place in PLACE.finditer("|".join(row)))
+        )
 
 
 @dataclass(frozen=True)
 class Rows:
-    rows: tuple[Row, ...]
+    subjects: tuple[Subject, ...]
     measured: dict[str, Measured]
 
 
 def read_rows(path: Path = ROWS) -> Rows:
-    """The rows; InputError where one has numbers that nothing vouches for, or names no command."""
-    said = tomllib.loads(path.read_text(encoding="utf-8"))
-    measured = {name: Measured(**one) for name, one in said["record"].items()}
-    rows = tuple(Row(**one) for one in said["row"])
-    for row in rows:
-        if unknown := [name for name in row.records if name not in measured]:
+    """The subjects; InputError where a cell has a number that nothing vouches for, or a subject names no command."""
+    tables = tomllib.loads(path.read_text(encoding="utf-8"))
+    measured = {name: Measured(**one) for name, one in tables["record"].items()}
+    subjects = tuple(
+        Subject(
+            **one
+            | {key: tuple(map(tuple, one["rows"])) if key == "rows" else tuple(one[key]) for key in ("rows", "columns")}
+        )
+        for one in tables["subject"]
+    )
+    for subject in subjects:
+        where = f"{path.name}, {subject.title}"
+        if unknown := [name for name in subject.records if name not in measured]:
+            raise InputError(f"{where}: no command for the record {unknown[0]}: add [record.{unknown[0]}]")
+        if wrong := [row[0] for row in subject.rows if len(row) != 1 + len(subject.columns)]:
             raise InputError(
-                f"{path.name}, {row.what}: no command for the record {unknown[0]}: add [record.{unknown[0]}]"
+                f"{where}, {wrong[0]}: a row has a measure and a cell for each of {', '.join(subject.columns)}"
             )
-        typed = re.search(r"\b\d+\b", PLACE.sub("", row.figure))  # not that of F1 or 3D
-        if (row.by is None) != (row.of is None) or row.by not in (None, *BY):
-            raise InputError(f"{path.name}, {row.what}: by is {' or '.join(BY)}, and of a day")
-        if typed and row.by is None:
-            raise InputError(
-                f"{path.name}, {row.what}: numbers are taken out of records, or the row says by whom they are"
-            )
-        if not row.records and row.command is None:
-            raise InputError(f"{path.name}, {row.what}: names neither a record nor a command")
-        if row.anchor and [row.anchor] != [one.anchor for one in rows if one.anchor == row.anchor]:
-            raise InputError(f"{path.name}, {row.what}: the anchor {row.anchor} is another row's too")
-    return Rows(rows, measured)
+        cells = [
+            cell for row in subject.rows for name, cell in zip(subject.columns, row[1:], strict=True) if name != GOAL
+        ]
+        if subject.judged is None and any(re.search(r"\d", PLACE.sub("", cell)) for cell in cells):
+            raise InputError(f"{where}: numbers are taken out of records, or judged by eye on a day")
+        if not subject.records and subject.command is None:
+            raise InputError(f"{where}: names neither a record nor a command")
+        if [subject.anchor] != [one.anchor for one in subjects if one.anchor == subject.anchor]:
+            raise InputError(f"{where}: the anchor {subject.anchor} is another subject's too")
+    return Rows(subjects, measured)
 
 
-def figure_of(row: Row, records: Mapping[str, Record]) -> str:
-    """The text of a row's figure, with the values of records; InputError where a value is not there."""
+def fill_cell(cell: str, records: Mapping[str, Record]) -> str:
+    """The text of a cell, with the values of records; InputError where a value is not there."""
 
     def told(place: re.Match[str]) -> str:
         name, *keys = place[1].split("/")
@@ -105,9 +104,9 @@ def figure_of(row: Row, records: Mapping[str, Record]) -> str:
                 value = _step(value, key)
             return _formatted(CONVERSIONS[place[2]](value) if place[2] else value, place[3] or "")
         except (LookupError, TypeError, ValueError) as error:
-            raise InputError(f"{row.what}: {place[0]}: {type(error).__name__}: {error}") from None
+            raise InputError(f"{place[0]}: {type(error).__name__}: {error}") from None
 
-    return PLACE.sub(told, row.figure)
+    return PLACE.sub(told, cell)
 
 
 def _step(value: Any, key: str) -> Any:

@@ -16,11 +16,10 @@ from facade_core.core.errors import InputError
 if TYPE_CHECKING:
     import geopandas as gpd
     import pandas as pd
-    from shapely import Polygon
 
 # Column that names the block of a city, as `streetloom query` does.
 RUN_COLUMN = "run"
-LAYER_NAMES = ("facades", "walls", "buildings", "roofs", "ground", "streets", "set_aside")
+LAYER_NAMES = ("facades", "buildings", "roofs", "ground", "streets", "set_aside")
 # Types of the columns of layers that are no rows of the catalogue: a block without a value has the type all the same.
 _TYPES: Mapping[str, Mapping[str, str]] = {
     "buildings": {
@@ -60,14 +59,14 @@ class MapContent:
     ----------
     items : the catalogue.
     crs : frame of all geometries, the block's.
-    walls : facade -> its polygon.
+    walls : facade -> low_z, high_z and the foot line as geometry, with heights.
     chosen : buildings whose facades are written.
     no_facades : walls that a correction declares no facade.
     """
 
     items: Folder
     crs: str
-    walls: Mapping[str, Polygon]
+    walls: Mapping[str, Mapping[str, object]]
     buildings: Sequence[Mapping[str, object]]
     roofs: Sequence[Mapping[str, object]]
     ground: Sequence[Mapping[str, object]]
@@ -79,15 +78,16 @@ class MapContent:
 def build_map_layers(content: MapContent) -> tuple[dict[str, gpd.GeoDataFrame | pd.DataFrame], datetime | None]:
     """Build the layers of a block by LAYER_NAMES, and return the time of the newest row; empty layers are left out.
 
-    The layers are facades (foot lines with every column of the catalogue, and whether they are facades), walls (the
-    same as upright polygons with heights), buildings (footprints), roofs and ground (surfaces with heights), streets,
-    and set_aside (units without geometry, and why).
+    The layers are facades (foot lines with heights, every column of the catalogue, the lowest and highest z, and whether
+    they are facades), buildings (footprints), roofs and ground (surfaces with heights), streets, and set_aside (units
+    without geometry, and why). An upright wall has no valid polygon on a map.
 
     Raises
     ------
     InputError : the catalogue cannot be read.
     """
     import geopandas as gpd
+    import pandas as pd
     import pyarrow as pa
 
     try:
@@ -98,9 +98,13 @@ def build_map_layers(content: MapContent) -> tuple[dict[str, gpd.GeoDataFrame | 
         {c.name: _PANDAS_INTEGERS[c.type] for c in COLUMNS if c.type in _PANDAS_INTEGERS and c.name in rows}
     )
     facades = rows[(rows.kind == "facade") & rows.building.isin(content.chosen)]
+    walls = pd.DataFrame(
+        [content.walls[id] for id in facades.id], columns=["low_z", "high_z", "geometry"], index=facades.index
+    )
     layers: dict[str, gpd.GeoDataFrame | pd.DataFrame] = {
-        "facades": facades.to_crs(content.crs).assign(**{IS_FACADE_COLUMN: ~facades.id.isin(content.no_facades)}),
-        "walls": facades.set_geometry([content.walls.get(id) for id in facades.id], crs=content.crs),
+        "facades": facades.assign(
+            **{"low_z": walls.low_z, "high_z": walls.high_z, IS_FACADE_COLUMN: ~facades.id.isin(content.no_facades)}
+        ).set_geometry(gpd.GeoSeries(walls.geometry, crs=content.crs))
     }
     for name, types in _TYPES.items():
         listed = [dict(row) for row in getattr(content, name)]

@@ -43,7 +43,6 @@ _SLOPES = (
 # Layer -> (kind of symbol, classes).
 _STYLES: dict[str, tuple[str, Sequence[_Class]]] = {
     "facades": ("line", _QUALITY),
-    "walls": ("fill", _QUALITY),
     "buildings": ("fill", _HEIGHTS),
     "roofs": ("fill", _SLOPES),
     "ground": ("fill", (_Class("", "ground", "226,222,212,255"),)),

@@ -76,7 +76,7 @@ def write_geoparquet(results: PublishedBlock, buildings: IntArray, folder: Path)
 def map_layers(
     results: PublishedBlock, buildings: IntArray
 ) -> tuple[dict[str, gpd.GeoDataFrame | pd.DataFrame], datetime | None]:
-    """Build the layers facades, walls, buildings, roofs, ground, streets and set_aside of some buildings.
+    """Build the layers facades, buildings, roofs, ground, streets and set_aside of some buildings.
 
     Parameters
     ----------
@@ -101,7 +101,8 @@ def map_layers(
     across = charts.axis_u[chart] * charts.size[chart, :1]
     down = charts.axis_v[chart] * charts.size[chart, 1:]
     top = charts.origin[chart]
-    walls = shapely.polygons(np.stack([top + down, top + down + across, top + across, top], axis=1))
+    feet = np.stack([top + down, top + down + across], axis=1)
+    z = np.concatenate([feet, feet - down[:, None]], axis=1)[..., 2].round(3)
     outlines = building_footprints(results.textured_mesh)
     of_building = group_rows(charts.building[results.textured_mesh.mesh.chart])
     table = results.buildings
@@ -110,7 +111,12 @@ def map_layers(
         MapContent(
             items=results.snapshot.items,
             crs=results.crs,
-            walls=dict(zip(plan.facades.id, walls.tolist(), strict=True)),
+            walls={
+                facade: {"low_z": low, "high_z": high, "geometry": foot}
+                for facade, low, high, foot in zip(
+                    plan.facades.id, z.min(1).tolist(), z.max(1).tolist(), shapely.linestrings(feet), strict=True
+                )
+            },
             buildings=[
                 {
                     "id": name,

@@ -227,7 +227,7 @@ _ENTRIES = (
     ExportFormat(
         "gpkg",
         Purpose.GIS,
-        "facades, walls, buildings, roofs, ground, streets and rejected objects in the block's CRS, with all columns and "
+        "facades (foot lines), buildings, roofs, ground, streets and rejected objects in the block's CRS, with all columns and "
         "QGIS styles",
         ".gpkg",
         _imported("maps", "write_geopackage"),

@@ -14,12 +14,10 @@ from benchmarks.figures.__main__ import main as write_figures
 from benchmarks.figures.code import changed, code_of
 from benchmarks.figures.page import PAGE, current, kept, rendered
 from benchmarks.figures.records import FOLDER, Record, measure
-from benchmarks.figures.rows import Measured, Row, Rows, figure_of, read_rows
+from benchmarks.figures.rows import Measured, Rows, Subject, fill_cell, read_rows
 from facade_core.core.errors import InputError
 from tasks.engine.stage_code import ROOT
 
-# The day since which figures come with a record: none is carried over by hand after it.
-RECORDS_SINCE = date(2026, 11, 25)
 ROWS = read_rows()
 AGAIN = [name for name, measured in ROWS.measured.items() if measured.again]
 
@@ -29,8 +27,12 @@ def test_the_page_is_what_rows_and_records_give() -> None:
 
 
 def find_figure_links(page: Path) -> list[tuple[str, str]]:
-    """The links to rows in the tables of a page: text and anchor."""
+    """The links to subjects of a page: text and anchor."""
     return re.findall(r"\[([^\]]*)\]\([\w./]*figures\.md#(\w+)\)", page.read_text(encoding="utf-8"))
+
+
+def cells(subject: Subject, records: dict[str, Record]) -> str:
+    return "|".join(fill_cell(cell, records) for row in subject.rows for cell in row[1:])
 
 
 def numbers(text: str) -> list[str]:
@@ -40,17 +42,16 @@ def numbers(text: str) -> list[str]:
 @pytest.mark.parametrize(
     "page", [ROOT / "README.md", *sorted((ROOT / "docs" / "stages").glob("*.md"))], ids=lambda page: page.stem
 )
-def test_figures_on_pages_are_those_of_their_rows(page: Path) -> None:
-    figures = {row.anchor: figure_of(row, kept(ROWS)) for row in ROWS.rows if row.anchor}
+def test_figures_on_pages_are_those_of_their_subjects(page: Path) -> None:
+    figures = {subject.anchor: cells(subject, kept(ROWS)) for subject in ROWS.subjects}
     for text, anchor in find_figure_links(page):
-        assert anchor in figures, f"{page.name}: no row has the anchor {anchor}"
-        left = iter(numbers(figures[anchor]))
-        assert all(number in left for number in numbers(text)), f"{page.name}: {text}"
+        assert anchor in figures, f"{page.name}: no subject has the anchor {anchor}"
+        assert set(numbers(text)) <= set(numbers(figures[anchor])), f"{page.name}: {text}"
 
 
 @pytest.mark.parametrize("page", sorted((ROOT / "docs" / "stages").glob("*.md")), ids=lambda page: page.stem)
-def test_each_figure_of_a_stage_is_a_link_to_its_row(page: Path) -> None:
-    _, header, table = page.read_text(encoding="utf-8").partition("| figures |")
+def test_each_figure_of_a_stage_is_a_link_to_its_subject(page: Path) -> None:
+    _, header, table = page.read_text(encoding="utf-8").partition("|figures|")
     assert header or "figures.md#" not in page.read_text(encoding="utf-8"), f"{page.name}: no table of figures"
     rows = [line for line in table.partition("\n\n")[0].splitlines()[2:] if line.startswith("|")]
     assert [row for row in rows if "figures.md#" not in row.split("|")[2]] == []
@@ -71,18 +72,14 @@ def test_records_are_of_their_commands_and_each_is_on_the_page() -> None:
         assert not [place for place in ("/home/", "/tmp/", "/work/", "/root/") if place in told], name
 
 
-def test_what_is_new_has_a_record() -> None:
-    assert [row.what for row in ROWS.rows if row.by == "hand" and row.of and row.of > RECORDS_SINCE] == []
-
-
 @pytest.mark.long
 @pytest.mark.parametrize("name", AGAIN)
 def test_a_figure_that_is_quick_to_measure_is_measured_again(name: str, data: Path) -> None:
     """And stands on the page as it is: only time may differ, which such a row does not tell."""
     before = kept(ROWS)
     now = before | {name: measure(ROWS.measured[name].command, {"DIR": str(data)})}
-    for row in (row for row in ROWS.rows if name in row.records):
-        assert figure_of(row, now) == figure_of(row, before), f"measure it again: python -m benchmarks.figures {name}"
+    for subject in (subject for subject in ROWS.subjects if name in subject.records):
+        assert cells(subject, now) == cells(subject, before), f"measure it again: python -m benchmarks.figures {name}"
 
 
 def record(**values: object) -> Record:
@@ -94,36 +91,48 @@ def test_values_stand_in_the_text_as_it_says() -> None:
     found = record(
         share=0.9187, seconds=0.457, count=4984, each=[1, 4, 7], blocks=[{"name": "a", "n": 3}, {"name": "b", "n": 5}]
     )
-    text = "{q/share!percent:.1f}, {q/seconds:.2f}, {q/seconds:0.2f}; {q/count:,}; {q/each!max}; {q/blocks/b/n}, {q/blocks/0/1}"
-    assert figure_of(Row("what", text), {"q": found}) == "91.9, .46, 0.46; 4,984; 7; 5, 3"
+    text = "{q/share!percent:.1f}, {q/seconds:.2f}, {q/seconds:0.2f}; {q/count:,}; {q/each!count}; {q/blocks/b/n}"
+    assert fill_cell(text, {"q": found}) == "91.9, .46, 0.46; 4,984; 3; 5"
     for missing in ("{q/nothing}", "{q/blocks/c/n}", "{q/each}", "{other/share}"):
-        with pytest.raises(InputError, match="what: "):
-            figure_of(Row("what", missing), {"q": found})
+        with pytest.raises(InputError, match=re.escape(missing)):
+            fill_cell(missing, {"q": found})
+
+
+def subject(cell: str, judged: date | None = None, command: str | None = None) -> Subject:
+    return Subject("Filter", "filter", ("ours",), (("time", cell),), judged=judged, command=command)
 
 
 def test_the_page_says_what_vouches_for_a_figure() -> None:
-    rows = (
-        Row("a filter", "{q/seconds:.2f} s (.9)", "hand", date(2026, 11, 24)),
-        Row("blocks", "{quick/count}"),
-        Row("plausible", "24", "eye", date(2026, 11, 23), "streetloom bench layout"),
-    )
     measured = {"q": Measured("streetloom bench query", timed=True), "quick": Measured("...", again=True)}
-    lines = rendered(Rows(rows, measured), {"q": record(seconds=0.457), "quick": record(count=3)}).splitlines()[-3:]
-    place = "../benchmarks/figures/records"
-    assert f"| .46 s (.9) | [2026-11-25]({place}/q.json), load 5; the rest by hand, 2026-11-24 |" in lines[0]
-    assert f"| 3 | [every test run]({place}/quick.json) |" in lines[1]
-    assert "| 24 | by eye, 2026-11-23 | `streetloom bench layout` |" in lines[2]
+    records = {"q": record(seconds=0.457), "quick": record(count=3)}
+    day, place = date(2026, 11, 23), "../benchmarks/figures/records"
+    for one, cell, source in (
+        (subject("{q/seconds:.2f} s"), "|.46 s|", f"[2026-11-25]({place}/q.json), load 5: `streetloom bench query`."),
+        (subject("{quick/count}"), "|3|", f"[every test run]({place}/quick.json): `"),
+        (subject("24", day, "streetloom bench layout"), "|24|", "by eye, 2026-11-23: `streetloom bench layout`."),
+    ):
+        page = rendered(Rows((one,), measured), records)
+        assert cell in page
+        assert source in page
 
 
-def test_the_site_says_what_has_changed_since() -> None:
-    rows = Rows((Row("a filter", "{q/seconds:.2f} s"),), {"q": Measured("streetloom bench query")})
+def test_the_best_of_a_row_is_bold_where_an_arrow_says_what_is_best() -> None:
+    columns = ("ours", "theirs", "(the bound)", "goal")
+    rows = (
+        ("PSNR ↑", "{q/a}", "{q/b}", "{q/c}", "9"),
+        ("time ↓", "{q/a}", "{q/b}", "", ""),
+        ("size", "{q/a}", "", "", ""),
+    )
+    one = Subject("Filter", "filter", columns, rows)
+    page = rendered(Rows((one,), {"q": Measured("streetloom bench query")}), {"q": record(a=1, b=2, c=3)})
+    assert "|PSNR ↑|1|**2**|3|9|\n|time ↓|**1**|2|||\n|size|1||||\n" in page
+
+
+def test_the_site_says_whether_code_has_changed_since() -> None:
+    rows = Rows((subject("{q/seconds:.2f} s"),), {"q": Measured("streetloom bench query")})
     found = {"q": record(seconds=0.457)}
-    for rooms, said in {
-        (): ", this code |",
-        ("a.b",): "; changed since: `a.b` |",
-        tuple("abcde"): "; changed since: `a`, `b`, `c` and 2 more |",
-    }.items():
-        assert said in rendered(rows, found, {"q": list(rooms)} if rooms else {})
+    assert "q.json), this code: `" in rendered(rows, found, {})
+    assert "q.json), code changed since: `" in rendered(rows, found, {"q": ["a.b"]})
 
 
 def test_a_night_measures_the_quickest_that_are_due_and_fit(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -154,19 +163,22 @@ def test_a_night_measures_the_quickest_that_are_due_and_fit(monkeypatch: pytest.
 
 
 @pytest.mark.parametrize(
-    "row",
+    "lines",
     [
-        "figure = '46 s'\ncommand = 'make demo'",  # typed, and by nobody
-        "figure = '46 s'\nby = 'hand'\ncommand = 'make demo'",  # of no day
-        "figure = '46 s'\nby = 'guess'\nof = 2026-11-24\ncommand = 'make demo'",
-        "figure = '{other/seconds}'",
-        "figure = 'all'",  # of nothing
-        "figure = '{q/seconds}'\nanchor = 'same'\n\n[[row]]\nwhat = 'again'\nfigure = '{q/seconds}'\nanchor = 'same'",
+        "rows = [['time', '46 s']]\ncommand = 'make demo'",  # typed, and by nobody
+        "rows = [['time', '46 s']]\njudged = 2026-11-24",  # by no command
+        "rows = [['time', '{other/seconds}']]",
+        "rows = [['time', 'all']]",  # of nothing
+        "rows = [['time', '{q/seconds}', '{q/seconds}']]",  # a cell too many
+        "rows = [['time', '{q/seconds}']]\n[[subject]]\ntitle = 'again'\nanchor = 'same'\ncolumns = []\nrows = []",
     ],
 )
-def test_a_row_that_nothing_vouches_for_is_refused(row: str, tmp_path: Path) -> None:
+def test_a_subject_that_nothing_vouches_for_is_refused(lines: str, tmp_path: Path) -> None:
     path = tmp_path / "rows.toml"
-    path.write_text(f"[record.q]\ncommand = 'streetloom bench query'\n\n[[row]]\nwhat = 'seconds'\n{row}\n")
+    path.write_text(
+        "[record.q]\ncommand = 'streetloom bench query'\n\n"
+        f"[[subject]]\ntitle = 'seconds'\nanchor = 'same'\ncolumns = ['ours']\n{lines}\n"
+    )
     with pytest.raises(InputError, match="seconds"):
         read_rows(path)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import shapely
 from shapely import MultiPolygon, Polygon
 
 from facade_core.core.arrays import IntArray
@@ -11,7 +12,10 @@ from facade_core.export.models.textured_mesh import TexturedMesh
 
 
 def chart_world_polygons(source: TexturedMesh, charts: IntArray) -> dict[int, MultiPolygon]:
-    """Return the outlines of charts (k,) with triangles as 3D polygons in world metres."""
+    """Return the outlines of charts (k,) with triangles as 3D polygons in world metres, valid on a map.
+
+    Upright charts have no area on a map and are left out.
+    """
     found = {}
     for chart in charts.tolist():
         parts = []
@@ -20,8 +24,12 @@ def chart_world_polygons(source: TexturedMesh, charts: IntArray) -> dict[int, Mu
                 source.charts.points(chart, *np.asarray(ring.coords).T) for ring in (flat.exterior, *flat.interiors)
             ]
             parts.append(Polygon(rings[0], rings[1:]))
-        if parts:
-            found[chart] = MultiPolygon(parts)
+        shape = MultiPolygon(parts)
+        if not shape.is_valid:
+            repaired = shapely.get_parts(shapely.get_parts(shapely.make_valid(shape)))
+            shape = MultiPolygon(repaired[shapely.get_dimensions(repaired) == 2].tolist())
+        if shape.area > 0:
+            found[chart] = shape
     return found
 
 

@@ -20,11 +20,13 @@ import numpy as np
 import pyarrow.parquet as pq
 import pyogrio
 import pytest
+import shapely
 import trimesh
 from PIL import Image
 from pyproj import Transformer
 
 from catalogs.published.columns import COLUMNS
+from catalogs.published.map_layers import LAYER_NAMES
 from facade_core.core.errors import InputError, StoreError
 from facade_core.export.models.glb import read_glb_header
 from flows.cli.commands import command_line
@@ -264,7 +266,6 @@ def test_a_geopackage_has_every_column_in_the_frame_of_the_block(
     assert path.is_file()
     assert {name for name, _ in pyogrio.list_layers(path)} == {
         "facades",
-        "walls",
         "buildings",
         "roofs",
         "ground",
@@ -280,16 +281,24 @@ def test_a_geopackage_has_every_column_in_the_frame_of_the_block(
     assert (ground.slope_deg < 45).all()
     assert (ground.high_z >= ground.low_z).all()
     facades = gpd.read_file(path, layer="facades")
-    assert set(facades.columns) == {"is_facade", *(column.name for column in COLUMNS)}
+    assert set(facades.columns) == {"is_facade", "low_z", "high_z", *(column.name for column in COLUMNS)}
     assert facades.crs == "EPSG:32635"
     assert set(facades.building) == {building}
-    walls = gpd.read_file(path, layer="walls").set_index("id")
-    for row in facades.itertuples():
-        assert row.geometry.length == pytest.approx(row.width_m, abs=0.01)
-        low, high = np.array(walls.geometry[row.id].exterior.coords)[:, 2].min(), walls.geometry[row.id].bounds
-        assert walls.geometry[row.id].has_z
-        assert np.isfinite(low)
-        assert high[0] == pytest.approx(row.geometry.bounds[0], abs=0.01)
+    assert facades.length.to_numpy() == pytest.approx(facades.width_m, abs=0.01)
+    assert shapely.get_coordinates(facades.geometry, include_z=True)[::2, 2] == pytest.approx(facades.low_z, abs=0.01)
+    assert (facades.high_z - facades.low_z >= facades.height_m - 0.01).all()
+
+
+@pytest.mark.parametrize("layer", [name for name in LAYER_NAMES if name != "set_aside"])
+def test_a_map_program_finds_every_geometry_of_a_geopackage_valid(layer: str, undisturbed: Run, tmp_path: Path) -> None:
+    path = export_run(undisturbed[0], "gpkg", tmp_path / "all.gpkg").path
+    shapes = pyogrio.read_dataframe(path, layer=layer).geometry
+    assert len(shapes)
+    assert shapes.is_valid.all()
+    assert not shapes.is_empty.any()
+    assert (
+        (shapes.force_2d().area > 0).all() if layer in ("buildings", "roofs", "ground") else (shapes.length > 0).all()
+    )
 
 
 def test_one_building_alone_has_no_ground(found: PublishedBlock, undisturbed: Run, tmp_path: Path) -> None:

@@ -108,7 +108,7 @@ def test_tables_have_every_block_once(export_once: Any, found: PublishedBlock) -
         json.loads(pq.read_schema(tables / "facades.parquet").metadata[b"geo"])["columns"]["geometry"]["bbox"]
     )
     assert pyogrio.read_info(package, layer="facades")["layer_metadata"]["attribution"] == found.attribution.line
-    assert pq.read_schema(tables / "walls.parquet").metadata[b"attribution"].decode() == found.attribution.line
+    assert pq.read_schema(tables / "facades.parquet").metadata[b"attribution"].decode() == found.attribution.line
 
 
 @pytest.mark.parametrize("whole", [False, True])
