@@ -176,10 +176,10 @@ def _prepare_for_children() -> Iterator[None]:
 
     filters = os.environ.get("PYTHONWARNINGS", "")
     os.environ["PYTHONWARNINGS"] = f"{filters},ignore:resource_tracker:UserWarning".removeprefix(",")
+    resource_tracker.ensure_running()  # it unblocks SIGINT in this thread
+    os.environ["PYTHONWARNINGS"] = filters
     signals = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
-        resource_tracker.ensure_running()
-        os.environ["PYTHONWARNINGS"] = filters
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, signals)
