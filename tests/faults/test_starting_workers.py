@@ -52,18 +52,48 @@ if __name__ == "__main__":
 """
 
 
-def test_workers_block_interrupts_from_their_first_instruction_on(tmp_path: Path) -> None:
-    script = tmp_path / "start.py"
-    script.write_text(BLOCKED)
+# As few descriptors as the first worker needs, or fewer.
+FEW_FILES = """
+import os, resource, sys
+import distributed
+from facade_core.core.errors import MachineError
+from tasks.engine.compute.connect import connect
+if __name__ == "__main__":
+    limit = len(os.listdir("/proc/self/fd")) + 20
+    resource.setrlimit(resource.RLIMIT_NOFILE, (limit, limit))
+    try:
+        with connect(2, None, sys.argv[1]):
+            print("started", flush=True)
+    except MachineError as error:
+        print(error, flush=True)
+    os._exit(0)
+"""
+
+
+def run_script(text: str, folder: Path) -> str:
+    """Run a script in a process of its own; returns what it prints."""
+    script = folder / "start.py"
+    script.write_text(text)
     done = subprocess.run(
-        [sys.executable, str(script), str(tmp_path)],
+        [sys.executable, str(script), str(folder)],
         cwd=ROOT,
-        env=environment(tmp_path) | {"PYTHONPATH": str(ROOT)},
+        env=environment(folder) | {"PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
         check=True,
         timeout=PATIENCE_S,
     )
-    masks = json.loads(done.stdout)
+    return done.stdout
+
+
+def test_too_few_descriptors_are_named_with_the_remedy(tmp_path: Path) -> None:
+    assert run_script(FEW_FILES, tmp_path).splitlines() == [
+        "2 local workers do not start; see to the machine's memory and to its limit of open files (`ulimit -n`), or name "
+        "fewer with --workers"
+    ]
+
+
+def test_workers_block_interrupts_from_their_first_instruction_on(tmp_path: Path) -> None:
+    masks = json.loads(run_script(BLOCKED, tmp_path))
     assert len(masks) == 2
     assert all(mask >> (signal.SIGINT - 1) & 1 for mask in masks)

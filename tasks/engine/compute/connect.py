@@ -202,7 +202,8 @@ def _start_local_cluster(workers: int) -> LocalCluster:
             log.warning("local workers do not start: %s", error)
             cause = error
     raise ClusterGoneError(
-        f"{workers} local workers do not start; see to the machine's memory, or name fewer with --workers"
+        f"{workers} local workers do not start; see to the machine's memory and to its limit of open files (`ulimit -n`), or "
+        "name fewer with --workers"
     ) from cause
 
 
