@@ -131,3 +131,9 @@ def test_commands_of_figures_are_there_with_their_options() -> None:
         assert files, command
         source = "".join(file.read_text(encoding="utf-8") for file in files)
         assert [o for o in options if o.startswith("--") and f'"{o.strip("[]")}"' not in source] == [], command
+
+
+def test_every_file_of_faults_is_in_their_table() -> None:
+    page = (ROOT / "docs" / "faults.md").read_text()
+    tests = {path.relative_to(ROOT).as_posix() for path in (ROOT / "tests" / "faults").glob("test_*.py")}
+    assert tests <= set(CODE.findall(page))

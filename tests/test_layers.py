@@ -113,3 +113,17 @@ def test_modules_log_by_their_name_and_print_nothing(package: str) -> None:
 
 def test_no_utils() -> None:
     assert not [path for package in PACKAGES for path in (ROOT / package).rglob("util*.py")]
+
+
+def test_no_archive_is_unpacked_to_paths() -> None:
+    """Members of archives are read into memory under checked sizes, so that none names where it is written."""
+    forbidden = {"extract", "extractall", "unpack_archive", "tarfile"}
+    for package in PACKAGES:
+        for name, path in modules(package).items():
+            tree = parsed(path)
+            called = {
+                node.func.attr
+                for node in ast.walk(tree)
+                if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)
+            }
+            assert not forbidden & (called | {one.split(".")[0] for one in imports(name)}), name

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Generic, cast
 
 from catalogs.published import object_store
+from catalogs.published.file_list import has_other_content
 from catalogs.published.folders import F, Folder
 from catalogs.published.runs import publish_hint
 from catalogs.published.s3 import S3Path
@@ -184,11 +185,13 @@ def current_snapshot(out: F) -> SnapshotFolder[F]:
 
     Raises
     ------
-    InputError : it names none that exists.
+    InputError : it names none that exists, or its catalogue is damaged.
     """
     snapshot = _read_pointer(out)
     if not snapshot.items.is_file():
         raise InputError(f"{snapshot.items} is missing; {snapshot.remedy}")
+    if has_other_content(snapshot.items):
+        raise InputError(f"{snapshot.items} is not as it was written; {snapshot.remedy}")
     return snapshot
 
 

@@ -14,7 +14,6 @@ from catalogs.buildings.axis_mistakes import SWAPPED_AXES_NOTE, format_numbers, 
 from catalogs.printable_text import normal_form
 from catalogs.published import object_store
 from catalogs.published.columns import COLUMNS, arrow_type
-from catalogs.published.file_list import has_other_content
 from catalogs.published.folders import Folder, map_concurrently
 from catalogs.published.merged_items import MergedItemsFile, read_merged_items_headers, read_parquet_schema
 from catalogs.published.runs import PublishedRun, find_runs
@@ -111,11 +110,8 @@ def _select_rows(
         try:
             return _to_pandas(_run_sql(connection, text, schema))
         except duckdb.Error as error:
-            for path in named:
-                if where is None or has_other_content(path.parent, path.name):
-                    raise InputError(f"{path} cannot be read as Parquet; `streetloom run` publishes again") from error
             if where is None:
-                raise
+                raise InputError(f"{named[0]} cannot be read as Parquet; `streetloom run` publishes again") from error
             problem = str(error).splitlines()[0].partition(": ")[2].partition(" You might")[0]
             raise condition_error(where, problem, "compare each column with a value of its type") from error
 

@@ -30,12 +30,11 @@ log = logging.getLogger(__name__)
 
 DISK_ERRORS = {errno.ENOSPC, errno.EDQUOT}
 MEMORY_ERRORS = {errno.ENOMEM}
+OPEN_FILES_ERRORS = {errno.EMFILE, errno.ENFILE}
 # Of a disk, a mount, the network or a limit. Not here: what a wrong path or a file's rights in the input raise.
-MACHINE_ERRORS = {
+MACHINE_ERRORS = OPEN_FILES_ERRORS | {
     errno.EIO,
     errno.EROFS,
-    errno.EMFILE,
-    errno.ENFILE,
     errno.ESTALE,
     errno.ETIMEDOUT,
     errno.ENOTCONN,
@@ -58,7 +57,13 @@ MACHINE_ERROR_TYPES = (
     BaseZarrError,
 )
 # How libraries put into words what they do not give a number or a type.
-NO_MEMORY_TEXTS = ("Insufficient memory", "Failed to allocate memory", "bad_alloc", "can't start new thread")
+NO_MEMORY_TEXTS = (
+    "Insufficient memory",
+    "Failed to allocate memory",
+    "bad_alloc",
+    "can't start new thread",
+    "failed to map segment",
+)
 
 _MAX_REASON_LENGTH = 300
 
@@ -191,10 +196,13 @@ def machine_error(doing: str, error: BaseException) -> MachineError:
     chain = list(_error_chain(error))
     said = next((one for one in chain if isinstance(one, MachineError)), None)
     if said is not None:
-        return MachineError(f"{doing}: {said}") if type(said) is MachineError else said
+        is_complete = type(said) is not MachineError or str(said).startswith(f"{doing}: ")
+        return said if is_complete else MachineError(f"{doing}: {said}")
     if any(map(is_bucket_unavailable, chain)):
         return BucketUnavailableError(f"{doing}: {BUCKET_UNAVAILABLE}")
     number = next((number for one in chain if (number := _error_number(one)) is not None), None)
+    if number is None and any(_mentions(one, [os.strerror(errno.EACCES)]) for one in chain):
+        number = errno.EACCES
     first = next(filter(_is_machine_error, chain), error)
     if number in DISK_ERRORS:
         remedy = "free some space"
@@ -202,9 +210,14 @@ def machine_error(doing: str, error: BaseException) -> MachineError:
         isinstance(one, MemoryError) or _mentions(one, NO_MEMORY_TEXTS) for one in chain
     ):
         remedy = "free some memory, or use fewer workers,"
+    elif number in OPEN_FILES_ERRORS:
+        remedy = "allow more open files (`ulimit -n`)"
+    elif number in (errno.EACCES, errno.EROFS):
+        remedy = "make the output folder writable"
     else:
         remedy = "see to the machine, its disks and its network,"
-    words = os.strerror(number) if number is not None else " ".join(str(first).split()) or type(first).__name__
+    text = " ".join(str(first).split())[:_MAX_REASON_LENGTH]
+    words = os.strerror(number) if number is not None else text or type(first).__name__
     return MachineError(f"{doing}: {words}; {remedy} and run again: finished work is kept")
 
 

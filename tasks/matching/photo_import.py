@@ -11,6 +11,7 @@ from pathlib import Path
 from catalogs.block.reader import read_block
 from catalogs.block.yaml_edits import add_imagery_entry, format_imagery_entry
 from catalogs.file_digest import file_digest
+from catalogs.printable_text import normal_form
 from facade_core.core.errors import InputError
 from tasks.matching.match_table import MatchTable
 from tasks.stages.ingest.planning import make_plan
@@ -119,10 +120,14 @@ def import_photos(done: PhotoImportPlan) -> str | None:
     for facade, photo in done.copies.items():
         arriving[facade] = done.folder / f".{facade}{photo.suffix.lower()}.tmp"
         shutil.copyfile(photo, arriving[facade])
-    for old in done.removals:
-        old.unlink()
+    earlier = {normal_form(path.stem): path for path in done.removals}
     for facade, photo in done.copies.items():
-        os.replace(arriving[facade], _copy_path(done.folder, facade, photo))
+        target = _copy_path(done.folder, facade, photo)
+        if facade in earlier:  # a facade never has two photos, nor the folder none: such a block cannot be read
+            os.replace(earlier.pop(facade), target)
+        os.replace(arriving[facade], target)
+    for path in earlier.values():
+        path.unlink()
     values = {"path": FOLDER, "rectified": False}
     if done.is_named_in_block or not done.copies or add_imagery_entry(done.block, "photos", values):
         return None

@@ -15,6 +15,7 @@ sys.path.insert(0, str(HERE))
 
 from geometry_bombs import BOMBS  # noqa: E402
 from geometry_files import BUILDINGS, STREETS  # noqa: E402
+from small_files import SMALL_FILES  # noqa: E402
 
 MUTATIONS = 30  # of each file
 
@@ -38,7 +39,14 @@ def test_files_that_unpack_to_more_than_memory_are_refused_in_a_line(tmp_path: P
     assert all("; " in line for line in lines if not line.endswith(" read"))
 
 
-@pytest.mark.parametrize(("kind", "files"), [("buildings", BUILDINGS), ("streets", STREETS)])
+@pytest.mark.parametrize(
+    ("kind", "files"),
+    [
+        ("buildings", BUILDINGS),
+        ("streets", STREETS),
+        pytest.param("small", {name: file.write for name, file in SMALL_FILES.items()}, marks=pytest.mark.long),
+    ],
+)
 def test_mutated_files_are_read_or_refused(
     kind: str, files: Mapping[str, Callable[[Path], None]], tmp_path: Path
 ) -> None:

@@ -176,10 +176,10 @@ def _prepare_for_children() -> Iterator[None]:
 
     filters = os.environ.get("PYTHONWARNINGS", "")
     os.environ["PYTHONWARNINGS"] = f"{filters},ignore:resource_tracker:UserWarning".removeprefix(",")
+    resource_tracker.ensure_running()  # it unblocks SIGINT in this thread
+    os.environ["PYTHONWARNINGS"] = filters
     signals = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
-        resource_tracker.ensure_running()
-        os.environ["PYTHONWARNINGS"] = filters
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, signals)
@@ -202,7 +202,8 @@ def _start_local_cluster(workers: int) -> LocalCluster:
             log.warning("local workers do not start: %s", error)
             cause = error
     raise ClusterGoneError(
-        f"{workers} local workers do not start; see to the machine's memory, or name fewer with --workers"
+        f"{workers} local workers do not start; see to the machine's memory and to its limit of open files (`ulimit -n`), or "
+        "name fewer with --workers"
     ) from cause
 
 

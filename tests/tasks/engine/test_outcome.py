@@ -61,12 +61,19 @@ def while_handling(cause: BaseException, outer: Exception) -> BaseException:
     return raised(make)
 
 
+DENIED = (
+    "x object store error: Unable to open file /out/store/chunks/A#1: Permission denied (os error 13) | context: | 0"
+)
 MACHINES: dict[str, tuple[BaseException, str]] = {
     "full disk": (FULL, "No space left on device; free some space"),
     "quota": (OSError(errno.EDQUOT, "quota"), "Disk quota exceeded; free some space"),
     "disk": (OSError(errno.EIO, "i/o"), "Input/output error; see to the machine"),
-    "read only": (OSError(errno.EROFS, "ro"), "Read-only file system"),
-    "open files": (OSError(errno.EMFILE, "many"), "Too many open files"),
+    "read only": (OSError(errno.EROFS, "ro"), "Read-only file system; make the output folder writable and run again"),
+    "folder of another": (icechunk.IcechunkError(DENIED), "facades a/1: Permission denied; make the output folder"),
+    "long": (icechunk.IcechunkError("odd " * 1000), "odd odd"),
+    "address space": (ImportError("libx.so: failed to map segment from shared object"), "object; free some memory"),
+    "said before": (MachineError("facades a/1: gone; see to it"), "facades a/1: gone; see to it"),
+    "open files": (OSError(errno.EMFILE, "many"), "Too many open files; allow more open files (`ulimit -n`) and run"),
     "dead mount": (OSError(errno.ESTALE, "stale"), "Stale file handle"),
     "memory": (MemoryError(), "MemoryError; free some memory"),
     "memory of an array": (
@@ -103,6 +110,8 @@ def test_the_machines_fault_says_its_cause_and_the_remedy_in_one_line(name: str)
     assert isinstance(told, MachineError)
     assert says in str(told)
     assert "\n" not in str(told)
+    assert str(told).count("facades a/1") <= 1
+    assert len(str(told)) < 500
     assert is_machine_fault(wrapped(error, FacadeError("another")))
 
 
