@@ -15,7 +15,7 @@ from flows.lock import is_locked
 from flows.viewer.background_run import BackgroundRun
 from flows.viewer.editing import EditorUser, correction_routes
 from flows.viewer.matching import photo_match_routes
-from flows.viewer.model import find_model_file, viewer_model_index, viewer_start
+from flows.viewer.model import block_tileset, find_model_file, viewer_start
 from tasks.stages.facades.record import FacadeRecord
 from tasks.viewing import draw_stage_picture, list_stage_pictures, read_previous_capture_picture
 from tasks.viewing.pictures import encode_picture
@@ -101,8 +101,11 @@ def run_routes(reader: RunReader, editor: EditorUser | None, redo: BackgroundRun
         image = replay.draw_after_viewpoint(view, _parse_index(request, "viewpoint", len(view.tables.street)))
         return Response(encode_picture(image), media_type="image/webp", headers=IMMUTABLE)
 
+    def tileset(request: Request) -> Response:
+        return JSONResponse(block_tileset(out, request.path_params["of"]), headers=IMMUTABLE)
+
     def tile(request: Request) -> Response:
-        file = find_model_file(out, request.query_params["of"], request.query_params.get("tile"))
+        file = find_model_file(out, request.path_params["of"], request.path_params["name"])
         # its textures are JPEGs, which compression would not shrink
         headers = IMMUTABLE | {"Content-Encoding": "identity"}
         if isinstance(file, Path):
@@ -113,9 +116,9 @@ def run_routes(reader: RunReader, editor: EditorUser | None, redo: BackgroundRun
         "/api/block": block,
         "/api/progress": progress,
         "/api/facade": facade,
-        "/api/model": lambda request: JSONResponse(viewer_model_index(out)),
         "/api/start": lambda request: JSONResponse(viewer_start(reader.open_newest())),
-        "/model": tile,
+        "/tiles/{of}/tileset.json": tileset,
+        "/tiles/{of}/{name:path}": tile,
         "/picture/facade": stage,
         "/picture/before": earlier,
         "/picture/panorama": panorama,

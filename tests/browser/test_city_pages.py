@@ -16,7 +16,7 @@ from tests.pipeline.small_city import textured_city
 from tests.pipeline.viewed import get, viewing
 
 STATE = "document.getElementById('model').dataset"
-STREAM = "document.getElementById('model').view.stream"
+VIEW = "document.getElementById('model').view"
 
 
 @pytest.fixture(scope="module")
@@ -127,23 +127,21 @@ def test_the_model_streams_within_its_limit_and_a_click_opens_a_facade(page: Any
     page.keyboard.press("b")
     wait(page, f"{STATE}.mode === 'bird' && Number({STATE}.y) > 20")
     page.wait_for_timeout(1500)
-    models = page.evaluate(f"new Set({STREAM}.shown.map(m => m.block)).size")
-    assert models == 2, "both blocks are in the picture"
+    shown = page.evaluate(f"{VIEW}.tiles.opened.filter((tiles) => tiles.visibleTiles.size).length")
+    assert shown == 2, "both blocks are in the picture"
 
-    # with half the bytes, less is on the card, and never more
-    held = int(page.evaluate(f"{STATE}.bytes"))
-    page.evaluate(f"{STREAM}.limit = {held // 2}")
+    # with few bytes, what is out of sight is let go of
     page.keyboard.press("b")
-    wait(page, f"Number({STATE}.bytes) <= {held // 2}")
-    page.wait_for_timeout(1000)
-    assert int(page.evaluate(f"{STATE}.bytes")) <= held // 2
-    page.evaluate(f"{STREAM}.limit = 1e9")
-    wait(page, f"{STATE}.missing === '0' && {STATE}.coming === '0'")
+    wait(page, f"{STATE}.mode === 'street' && {STATE}.missing === '0'")
+    held = int(page.evaluate(f"{STATE}.bytes"))
+    page.evaluate(f"{VIEW}.tiles.limit = 1; {VIEW}.place(1e5, 0, 1e5)")
+    wait(page, f"Number({STATE}.bytes) < {held // 4}")
+    page.evaluate(f"{VIEW}.tiles.limit = 1e9")
 
     # before a wall, Enter opens its facade
     page.evaluate("""(() => {
-      const view = document.getElementById('model').view, [east, north] = view.stream.anchor;
-      view.viewer.place([385010 - east, view.viewer.feet[1], north - 6671000], 0); view.viewer.pitch = 0.05; view.dirty = true;
+      const { view } = document.getElementById('model'), [east, north] = view.anchor;
+      view.place(385010 - east, 0, north - 6671000, 0); view.pitch = 0.05;
     })()""")
     wait(page, f"{STATE}.stands === 'true' && {STATE}.missing === '0' && Math.abs(Number({STATE}.yaw)) < 0.01")
     page.wait_for_timeout(500)

@@ -106,7 +106,7 @@ def test_the_block_in_3d_opens_on_a_street_and_is_walked_through(page: Any, addr
 
     def said() -> dict[str, Any]:
         values = page.evaluate("({...document.getElementById('model').dataset})")
-        return {key: value if key in ("mode", "stands") else float(value) for key, value in values.items()}
+        return {key: value if key in ("mode", "stands", "engine") else float(value) for key, value in values.items()}
 
     begun = said()
     assert begun["mode"] == "street"

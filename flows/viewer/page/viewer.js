@@ -143,7 +143,7 @@ async function follow() {
       mapPage = new MapPage(city, { open: (number, id) => (location.hash = addressOf(number, id)), address: addressOf });
     }
     const blockChanged = await followBlock();
-    if (changed) model?.stream.update();
+    if (changed) model?.tiles.update();
     if (changed || blockChanged) mapPage.update();
     else mapPage.fetchMaps();
     // a run opens with the photos that are to be decided, or with what is to be looked at
