@@ -11,7 +11,7 @@ import pytest
 
 from facade_core.core.json_types import JsonObject
 from flows.lock import lock_folder
-from tests.chromium import tab, wait
+from tests.chromium import FACADES, MAP, tab, wait
 from tests.pipeline.small_city import textured_city
 from tests.pipeline.viewed import get, viewing
 
@@ -37,56 +37,62 @@ def page(browser: Any) -> Iterator[Any]:
 
 
 def box(page: Any) -> list[float]:
-    return [float(value) for value in page.get_attribute(".map svg", "viewBox").split()]
+    """West and south of what the map shows, its width and height, metres."""
+    x0, y0, x1, y1 = page.evaluate(f"{MAP}.box()")
+    return [x0, y0, x1 - x0, y1 - y0]
+
+
+def blocks(state: str) -> str:
+    return f"{MAP}.drawn().blocks.filter((one) => one.properties.state === '{state}').length"
 
 
 @pytest.mark.long
 def test_the_map_zooms_and_pans_by_pointer_wheel_keys_and_buttons(page: Any, address: str) -> None:
     page.goto(address)
-    page.wait_for_selector("path.block")
-    assert page.locator("path.block").count() == 3
-    assert page.locator("path.block[data-state='waiting']").count() == 1
-    wait(page, "document.querySelectorAll('line.facade').length > 3")
+    wait(page, f"{FACADES}.length > 3")
+    assert page.evaluate(f"{MAP}.shapes.size") == 3
+    assert page.evaluate(blocks("waiting")) == 1
     whole = box(page)
-    place = page.locator(".map svg").bounding_box()
+    place = page.locator(".map canvas").bounding_box()
     middle = (place["x"] + place["width"] / 2, place["y"] + place["height"] / 2)
     page.mouse.move(*middle)
     page.mouse.wheel(0, -300)
-    wait(page, f"document.querySelector('.map svg').viewBox.baseVal.width < {0.8 * whole[2]}")
+    wait(page, f"{MAP}.box()[2] - {MAP}.box()[0] < {0.8 * whole[2]} && !{MAP}.engine.isMoving()")
     near = box(page)
     page.mouse.down()
     page.mouse.move(middle[0] + 100, middle[1], steps=4)
     page.mouse.up()
-    assert box(page)[0] < near[0]
-    page.focus(".map svg")
+    wait(page, f"{MAP}.box()[0] < {near[0]} && !{MAP}.engine.isMoving()")
+    page.focus(".map canvas")
     before = box(page)
     page.keyboard.press("ArrowRight")
-    assert box(page)[0] > before[0]
+    wait(page, f"{MAP}.box()[0] > {before[0]} && !{MAP}.engine.isMoving()")
     page.keyboard.press("+")
-    assert box(page)[2] < before[2]
+    wait(page, f"{MAP}.box()[2] - {MAP}.box()[0] < {0.6 * before[2]} && !{MAP}.engine.isMoving()")
     page.keyboard.press("0")
     assert box(page)[2] == pytest.approx(whole[2], rel=0.01)
     page.click("[aria-label='Zoom in']")
-    assert box(page)[2] < whole[2]
+    wait(page, f"{MAP}.box()[2] - {MAP}.box()[0] < {0.6 * whole[2]} && !{MAP}.engine.isMoving()")
     page.click("[aria-label='Show all']")
     # the bar is as long as it says
-    metres = float(page.inner_text(".scale-bar").split()[0])
-    wide = page.locator(".scale-bar").bounding_box()["width"]
+    metres = float(page.inner_text(".maplibregl-ctrl-scale").split()[0])
+    wide = page.locator(".maplibregl-ctrl-scale").bounding_box()["width"]
     assert wide / metres == pytest.approx(place["width"] / box(page)[2], rel=0.1)
-    wait(
-        page,
-        "document.querySelector('.street-name') && document.querySelector('.street-name').textContent === 'street 1'",
-    )
-    assert page.locator("path.building").count() >= 2
+    named = f"{MAP}.engine.queryRenderedFeatures({{layers: ['street-names']}}).map((one) => one.properties.name)"
+    wait(page, f"{named}.includes('street 1')")
+    # tilted, its buildings stand
+    page.focus(".map canvas")
+    page.keyboard.press("Shift+ArrowUp")
+    wait(page, f"{MAP}.engine.queryRenderedFeatures({{layers: ['solids']}}).length > 1")
 
 
 def test_what_is_found_is_gone_to_and_marked_and_a_facade_opens(page: Any, address: str) -> None:
     page.goto(address)
-    page.wait_for_selector("line.facade", state="attached")
+    wait(page, f"{FACADES}.length > 3")
     whole = box(page)
     page.fill("#filter", "b")
-    wait(page, f"document.querySelector('.map svg').viewBox.baseVal.width < {0.8 * whole[2]}")
-    wait(page, "document.querySelectorAll('.mark').length > 0")
+    wait(page, f"{MAP}.box()[2] - {MAP}.box()[0] < {0.8 * whole[2]}")
+    wait(page, f"{MAP}.engine.queryRenderedFeatures({{layers: ['marks']}}).length > 0")
     assert "b (building" in page.inner_text(".hits")
     page.select_option("#coloured-by", "height_m")
     wait(page, "document.querySelector('.legend-row:last-child').innerText.includes('height')")
@@ -95,17 +101,19 @@ def test_what_is_found_is_gone_to_and_marked_and_a_facade_opens(page: Any, addre
     assert "Floors" in options
     assert "variation_bytes" not in options
     # by the map
-    page.wait_for_timeout(400)
-    line = page.locator("line.facade[data-facade^='b-']").first
-    facade, at = line.get_attribute("data-facade"), line.bounding_box()
-    page.mouse.click(at["x"] + at["width"] / 2, at["y"] + at["height"] / 2)
+    wait(page, f"{FACADES}.some((one) => one.properties.id.startsWith('b-'))")
+    at = page.evaluate(f"""(() => {{
+      const line = {MAP}.drawn().facades.find((one) => one.properties.id.startsWith('b-')).geometry.coordinates;
+      return {MAP}.engine.project([0, 1].map((axis) => (line[0][axis] + line[1][axis]) / 2));
+    }})()""")
+    place = page.locator(".map canvas").bounding_box()
+    page.mouse.click(place["x"] + at["x"], place["y"] + at["y"])
     wait(page, "location.hash.includes('/facade/')")
     page.wait_for_selector(".stages img")
     assert page.inner_text("h2").startswith("Facade b-")
     wait(page, "document.querySelector('.stages img').naturalWidth > 0")
     page.click("text=On the map")
-    page.wait_for_selector(".mark", state="attached")
-    assert facade
+    wait(page, f"{MAP}.engine.queryRenderedFeatures({{layers: ['marks']}}).length > 0")
 
 
 def test_the_model_streams_within_its_limit_and_a_click_opens_a_facade(page: Any, address: str) -> None:
@@ -159,8 +167,8 @@ def test_a_city_that_is_running_is_followed(page: Any, address: str, city: tuple
         page.wait_for_selector("text=1 running")
         page.wait_for_selector("text=the run of the city is in progress")
         page.click("text=Map")
-        page.wait_for_selector("path.block[data-state='running']")
-    page.wait_for_selector("path.block[data-state='waiting']")
+        wait(page, f"{blocks('running')} === 1")
+    wait(page, f"{blocks('waiting')} === 1")
     page.click("text=Blocks")
     page.click(".block-list tbody tr:last-child a")
     page.wait_for_selector("progress")
@@ -178,8 +186,8 @@ def test_pages_of_a_city_are_accessible(browser: Any, address: str, size: tuple[
     assert [block["number"] for block in described["blocks"]] == [0, 1, 2]
     with tab(browser, {"width": size[0], "height": size[1]}) as opened:
         for place, there in {
-            "map": "path.block",
-            "map/0": "line.facade",
+            "map": ".map canvas",
+            "map/0": ".map canvas",
             f"block/0/facade/{facade}": ".stages img",
             "blocks": ".block-list",
             "model": "#model[data-mode]",

@@ -12,10 +12,10 @@ const AGAIN_MS = 10_000;
 export class MapPage {
   // open: called with (block number, facade id), to open its page; address: of that page.
   constructor(city, { open, address }) {
-    Object.assign(this, { city, address, column: "status", changedOnly: false, aim: null, wanted: [] });
+    Object.assign(this, { city, address, column: "evidence", changedOnly: false, aim: null, wanted: [] });
     this.scheme = { of: () => STATES.waiting[0], legend: [] };
     this.map = new BlockMap({
-      label: "Map of the blocks and their facades; the list names the facades. Arrows pan, plus and minus zoom, 0 shows all",
+      label: "Map of the blocks and their facades; the list names the facades. Arrows pan, plus and minus zoom, 0 shows all, Shift with arrows turns and tilts",
       choose: open, view: (numbers) => this.look(numbers), colour: (facade) => this.scheme.of(facade),
       strong: (index, number) => !this.changedOnly || this.changed(number, index),
     });
@@ -207,12 +207,6 @@ export class MapPage {
     this.aim = hit;
     if (hit.box.length) this.map.goTo(hit.box);
     this.markAim();
-  }
-
-  // The middle of what is shown, metres from the map's origin, y up.
-  middle() {
-    const { place } = this.map.plane;
-    return place ? [place.x, -place.y] : [0, 0];
   }
 
   // Box of a block on the map, y up; empty where its place is not known.

@@ -1,5 +1,6 @@
 // The page with the blocks in 3D.
 
+import { evidenceLegend } from "./columns.js";
 import { ask, blockBase, element } from "./elements.js";
 import { distance } from "./map.js";
 import { View } from "./model.js";
@@ -23,14 +24,21 @@ export async function modelPage(city, near, facade, fill, open) {
   const act = (change) => () => { change(); view.dirty = true; canvas.focus(); };
   const bird = element("button", { type: "button", id: "bird", onclick: act(() => view.fly()) }, "Bird's view / street");
   const held = (key, text, label) => element("button", { type: "button", "data-key": key, "aria-label": label }, text);
+  const key = element("div", { hidden: true });
+  const shade = element("button", { type: "button", id: "shade", "aria-pressed": "false", onclick: act(() => {
+    key.hidden = !key.hidden;
+    shade.setAttribute("aria-pressed", String(!key.hidden));
+    view.tiles.shade(!key.hidden);
+  }) }, "Evidence");
   const full = element("button", { type: "button", onclick: () => { canvas.parentElement.requestFullscreen?.(); canvas.focus(); } }, "Full screen");
   fill(
     element("div", { class: "model" }, canvas, note, figures,
       element("div", { class: "pad" }, held("KeyW", "\u25b2", "Walk ahead"), held("KeyA", "\u25c0", "Walk to the left"),
         held("KeyS", "\u25bc", "Walk back"), held("KeyD", "\u25b6", "Walk to the right"))),
-    element("div", { class: "controls" }, bird, full,
+    element("div", { class: "controls" }, bird, shade, full, key,
       element("span", {}, "W A S D or arrows walk, Shift faster, Q E or drag look, wheel nearer, B bird's view and back; a click, or Enter in the middle, opens a facade")),
   );
+  key.append(evidenceLegend());
   let said = "";
   view = new View(canvas, city, start, {
     told: (text, numbers) => {

@@ -1,7 +1,9 @@
 // Which models of which blocks are shown: a 3D Tiles renderer for each block, all within one limit of bytes, and what a walker meets there.
 
-import { Box3, GLTFLoader, LoadRegionPlugin, Mesh, MeshBVH, Raycaster, Sphere, SphereRegion, TilesRenderer, Vector3, acceleratedRaycast } from "./vendor/three.js";
+import { Box3, Color, Float32BufferAttribute, GLTFLoader, LoadRegionPlugin, Mesh, MeshBVH, Raycaster, Sphere, SphereRegion, TilesRenderer, Vector3, acceleratedRaycast } from "./vendor/three.js";
+import { evidenceColour } from "./columns.js";
 import { blockBase } from "./elements.js";
+import { distance } from "./map.js";
 import { textureReader } from "./scene.js";
 
 Mesh.prototype.raycast = acceleratedRaycast;
@@ -21,6 +23,9 @@ const RADIUS_M = 0.45;
 const MET_AT_M = [0.7, 1.5];
 const STEP_UP_M = 0.6;
 const STEP_DOWN_M = 4;
+// Textures under colours are lightened; a wall farther from every facade's foot line is none, metres.
+const SHADE_LIGHT = 1.7;
+const WALL_M = 2.5;
 const DOWN = new Vector3(0, -1, 0);
 
 export class Tiles {
@@ -81,6 +86,7 @@ export class Tiles {
     stage.scene.add(tiles.group);
     for (const change of ["needs-update", "load-model", "tile-visibility-change"]) tiles.addEventListener(change, () => { this.renewed = true; this.told(); });
     tiles.addEventListener("load-root-tileset", () => { tiles.group.updateMatrixWorld(); tiles.getBoundingBox(block.box); block.box.applyMatrix4(tiles.group.matrixWorld); });
+    tiles.addEventListener("load-model", ({ scene }) => this.shaded && this.paint(scene, block));
     tiles.addEventListener("load-error", ({ error }) => { this.failed = error.message; setTimeout(() => { this.failed = ""; tiles.resetFailedTiles(); this.told(); }, AGAIN_MS); });
     Object.assign(block, { tiles, region });
   }
@@ -120,6 +126,23 @@ export class Tiles {
       const { scene } = tiles.root?.engineData || {};
       if (scene) scene.visible = tiles.root.traversal.isLeaf || tiles.root.children.some(({ traversal }) => traversal?.inFrustum && !traversal.visible);
     }
+  }
+
+  // Colour walls by what they rest on, or show their textures alone.
+  shade(on) {
+    this.shaded = on;
+    for (const block of this.blocks.values()) block.tiles?.forEachLoadedModel((scene) => this.paint(scene, block));
+    this.told();
+  }
+
+  async paint(scene, { number }) {
+    const map = this.shaded && await this.city.load(number);
+    scene.traverse((mesh) => {
+      if (!mesh.isMesh) return;
+      if (map && !mesh.geometry.attributes.color) mesh.geometry.setAttribute("color", wallColours(mesh, map));
+      Object.assign(mesh.material, { vertexColors: Boolean(map), needsUpdate: true }).color.setScalar(map ? SHADE_LIGHT : 1);
+    });
+    this.told();
   }
 
   get opened() {
@@ -188,4 +211,30 @@ export class Tiles {
     }
     return found.filter((mesh) => mesh.geometry.boundingBox.distanceToPoint(mesh.worldToLocal(place.clone())) < 3);
   }
+}
+
+// Colours of a mesh's vertices: of the nearest facade of its building on walls, else of nothing in particular.
+function wallColours(mesh, block) {
+  const { geometry: { index, attributes: { position } } } = mesh;
+  const building = mesh.userData.name ?? mesh.parent.userData.name;
+  const own = block.facades.filter((facade) => facade.building === building);
+  const walls = (own.length ? own : block.facades).map(({ line, ...facade }) => ({ line, colour: new Color(evidenceColour(facade)).toArray() }));
+  const origin = mesh.parent.userData.origin ?? mesh.parent.parent.userData.origin;
+  const [east, north] = [0, 1].map((axis) => origin[axis] - block.origin[axis]);
+  const colours = new Float32Array(position.count * 3).fill(0.55);
+  const [a, b, c] = [new Vector3(), new Vector3(), new Vector3()];
+  for (let corner = 0; corner < index.count; corner += 3) {
+    const corners = [0, 1, 2].map((k) => index.getX(corner + k));
+    [a, b, c].forEach((point, k) => point.fromBufferAttribute(position, corners[k]));
+    const place = [east + (a.x + b.x + c.x) / 3, north - (a.z + b.z + c.z) / 3];
+    const normal = b.sub(a).cross(c.sub(a));
+    if (Math.abs(normal.y) > 0.7 * normal.length()) continue; // roofs and ground
+    let [nearest, least] = [null, WALL_M];
+    for (const wall of walls) {
+      const away = distance(place, wall.line);
+      if (away < least) [nearest, least] = [wall, away];
+    }
+    if (nearest) for (const vertex of corners) colours.set(nearest.colour, 3 * vertex);
+  }
+  return new Float32BufferAttribute(colours, 3);
 }

@@ -1,9 +1,10 @@
 // The viewer's page. Addresses: #/map, #/map/BLOCK, #/map/BLOCK/ID, #/model, #/model/BLOCK/ID, #/blocks; of a block, with #/block/BLOCK/ before them
-// where there are several: review, facade/ID, street/NUMBER/STEP, run; for who corrects edit/ID and photos/NAME.
+// where there are several: elevations, review, facade/ID, street/NUMBER/STEP, run; for who corrects edit/ID and photos/NAME.
 
 import { ask, blockBase, blockPage, element, facadeAddress, openBlock, openNumber } from "./elements.js";
 import { blocksPage, facadePage, fate, reviewPage, runPage, streetPage } from "./block_pages.js";
 import { City } from "./city.js";
+import { elevationsPage } from "./elevations.js";
 import { MapPage } from "./map_page.js";
 
 const main = document.getElementById("main");
@@ -37,16 +38,17 @@ function drawNavigation({ page }) {
   const ofBlock = city.single || block;
   const review = link(blockPage("review"), "To look at", ["review", "edit"]);
   const streets = link(blockPage("street"), "Streets", ["street"]);
+  const elevations = link(blockPage("elevations"), "Elevations", ["elevations"]);
   const run = link(blockPage("run"), "Run", ["run"]);
   const facade = city.single ? ["facade"] : [];
   const parts = [link("#/map", "Map", ["map", ...facade]), link("#/model", "3D", ["model"])];
   const photos = corrector()?.photos ? [link(blockPage("photos"), "Photos", ["photos"])] : [];
-  if (city.single) parts.splice(1, 0, review, streets);
+  if (city.single) parts.splice(1, 0, elevations, review, streets);
   else parts.push(link("#/blocks", "Blocks", ["blocks"]));
   document.getElementById("pages").replaceChildren(...parts, ...(city.single ? [run, ...photos] : []));
   const own = document.getElementById("block-pages");
   own.hidden = city.single || !ofBlock;
-  if (!own.hidden) own.replaceChildren(element("span", {}, city.called(openNumber())), review, streets, run);
+  if (!own.hidden) own.replaceChildren(element("span", {}, city.called(openNumber())), elevations, review, streets, run);
 }
 
 // The open block is another one from now on.
@@ -91,7 +93,7 @@ function drawStreet(street, step) {
 
 async function drawModel([number, id]) {
   const { modelPage } = await import("./model_page.js");
-  model = await modelPage(city, mapPage.middle(), id === undefined ? null : [Number(number), id], fill, (number, id) => (location.hash = addressOf(number, id)));
+  model = await modelPage(city, mapPage.map.middle(), id === undefined ? null : [Number(number), id], fill, (number, id) => (location.hash = addressOf(number, id)));
 }
 
 const addressOf = (number, id) => (city.single ? facadeAddress(id) : `#/block/${number}/facade/${encodeURIComponent(id)}`);
@@ -109,6 +111,7 @@ async function draw(again = false) {
     const { page, rest } = place;
     if (page === "facade") fill(...(await facadePage(block, rest[0], openNumber(), correct)));
     else if (page === "street") drawStreet(Number(rest[0] || 0), Number(rest[1] || 0));
+    else if (page === "elevations") fill(...elevationsPage(block, Number(rest[0]) || undefined));
     else if (page === "run") fill(...runPage(block, progress));
     else if (page === "review") fill(...reviewPage(block, correct));
     else if (page === "edit" && corrector()) await corrector().draw(block, rest[0], fill);
