@@ -24,6 +24,8 @@ from tasks.viewing.street_replay import StreetReplay
 
 # The address of a picture names its snapshot, and a snapshot never changes.
 IMMUTABLE = {"Cache-Control": "private, max-age=31536000, immutable"}
+# Height of a picture that a page may ask for.
+MAX_HEIGHT_PX = 4096
 
 
 def answer_errors(respond: Callable[[Request], Response]) -> Callable[[Request], Response]:
@@ -81,7 +83,9 @@ def run_routes(reader: RunReader, editor: EditorUser | None, redo: BackgroundRun
         image = draw_stage_picture(
             view, view.find_facade_index(request.query_params["id"]), request.query_params["stage"]
         )
-        return Response(encode_picture(image), media_type="image/webp", headers=IMMUTABLE)
+        height = 1 + _parse_index(request, "height", MAX_HEIGHT_PX) if "height" in request.query_params else None
+        picture = encode_picture(image, max_height=height)
+        return Response(picture, media_type="image/webp", headers=IMMUTABLE)
 
     def earlier(request: Request) -> Response:
         view = reader.open_newest()

@@ -8,8 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from click.testing import CliRunner
 
+from benchmarks.programs import served
 from facade_core.core.json_types import JsonObject
+from flows.cli.commands import command_line
 from flows.lock import lock_folder
 from tests.chromium import FACADES, MAP, tab, wait
 from tests.pipeline.small_city import textured_city
@@ -174,6 +177,32 @@ def test_a_city_that_is_running_is_followed(page: Any, address: str, city: tuple
     page.wait_for_selector("progress")
     page.click("#block-pages >> text=To look at")
     wait(page, "document.querySelector('h2').innerText.endsWith('facades to look at')")
+
+
+@pytest.mark.long
+def test_the_page_is_published_as_files(page: Any, city: tuple[Path, list[str]], tmp_path: Path) -> None:
+    to = ["--to", str(tmp_path / "site")]
+    done = CliRunner().invoke(command_line, ["publish-page", str(city[0]), *to])
+    assert done.exit_code == 0, done.output
+    missing: list[str] = []
+    page.on("response", lambda answer: missing.append(answer.url) if answer.status >= 400 else None)
+    with served(site=tmp_path / "site") as address:
+        page.goto(f"{address}/site/index.html")
+        wait(page, f"{FACADES}.length > 3")
+        page.click("tbody a >> nth=0")
+        page.wait_for_selector(".story img")
+        wait(page, "[...document.querySelectorAll('.story img')].every((image) => image.naturalWidth > 0)")
+        assert "Streets" not in page.inner_text("header")
+        page.click("text=Elevations")
+        wait(page, "document.querySelector('.elevation img')?.naturalWidth > 0")
+        page.goto(f"{address}/site/index.html#/model")
+        wait(page, f"document.getElementById('model') && {STATE}.stands === 'true'")
+    assert missing == []
+    # written again, but not over other files
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "kept.txt").touch()
+    refused = CliRunner().invoke(command_line, ["publish-page", str(city[0]), "--to", str(tmp_path / "other")])
+    assert (refused.exit_code, (tmp_path / "other" / "kept.txt").exists()) == (2, True)
 
 
 @pytest.mark.long

@@ -22,7 +22,7 @@ export function elevationsPage(block, scale = SCALES[1]) {
   const front = (facade) => {
     const [width, height] = [facade.width_m, facade.height_m].map((metres) => Math.max(1, Math.round(scale * metres)));
     return element("a", { href: facadeAddress(facade.id), title: `${facade.id}: ${facade.evidence || facade.status}` },
-      element("img", { src: picture(facade.id, "texture", block.snapshot), alt: `Facade ${facade.id}`, loading: "lazy", width, height }),
+      element("img", { src: picture(facade.id, "texture", block.snapshot, 2 * height), alt: `Facade ${facade.id}`, loading: "lazy", width, height }),
       element("svg", { width, height: BAR_PX, "aria-hidden": "true" }, element("rect", { width, height: BAR_PX, fill: evidenceColour(facade) })));
   };
   const strips = block.streets.flatMap((street) => sides(block, street).map((facades, side) => [street.name, ["left", "right"][side], facades]))

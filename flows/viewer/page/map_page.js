@@ -2,10 +2,11 @@
 
 import { STATES } from "./city.js";
 import { choices, colouring, columnLabel, said } from "./columns.js";
-import { element, legend } from "./elements.js";
+import { blockBase, element, legend, picture } from "./elements.js";
 import { BlockMap, boxOf, unite } from "./map.js";
 
 const LISTED = 300;
+const THUMBNAIL_PX = 40;
 const TYPED_MS = 300;
 const AGAIN_MS = 10_000;
 
@@ -152,12 +153,17 @@ export class MapPage {
     if (this.changedOnly) found.sort((a, b) => b.facade.changed - a.facade.changed);
     const { unit, words } = this.columns.find(({ name }) => name === this.column) || {};
     const focused = this.rows.contains(document.activeElement) ? document.activeElement.getAttribute("href") : null;
-    this.rows.replaceChildren(...found.slice(0, LISTED).map(({ number, facade }) => element("tr", {},
-      element("td", {}, element("a", { href: this.address(number, facade.id) }, facade.id)), element("td", {}, facade.street),
+    this.rows.replaceChildren(...found.slice(0, LISTED).map(({ number, block, facade }) => element("tr", {},
+      element("td", {}, element("a", { href: this.address(number, facade.id) }, this.thumbnail(number, block, facade), facade.id)), element("td", {}, facade.street),
       element("td", { class: typeof facade[this.column] === "number" ? "number" : "" }, said(facade[this.column], unit, words)))));
     if (focused) [...this.rows.querySelectorAll("a")].find((link) => link.getAttribute("href") === focused)?.focus();
     const all = this.maps().reduce((sum, [, block]) => sum + block.facades.length, 0);
     this.count.textContent = `${found.length} of ${all} facades${this.city.single ? "" : " shown"}${found.length > LISTED ? `, the first ${LISTED} listed` : ""}`;
+  }
+
+  thumbnail(number, { snapshot }, { id, status }) {
+    if (status !== "done") return null;
+    return element("img", { class: "thumbnail", src: picture(id, "texture", snapshot, 2 * THUMBNAIL_PX, blockBase(number, this.city.single)), alt: "", loading: "lazy", height: THUMBNAIL_PX });
   }
 
   listBlocks() {

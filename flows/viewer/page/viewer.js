@@ -1,7 +1,7 @@
 // The viewer's page. Addresses: #/map, #/map/BLOCK, #/map/BLOCK/ID, #/model, #/model/BLOCK/ID, #/blocks; of a block, with #/block/BLOCK/ before them
 // where there are several: elevations, review, facade/ID, street/NUMBER/STEP, run; for who corrects edit/ID and photos/NAME.
 
-import { ask, blockBase, blockPage, element, facadeAddress, openBlock, openNumber } from "./elements.js";
+import { ask, blockBase, blockPage, element, facadeAddress, isStatic, openBlock, openNumber } from "./elements.js";
 import { blocksPage, facadePage, fate, reviewPage, runPage, streetPage } from "./block_pages.js";
 import { City } from "./city.js";
 import { elevationsPage } from "./elevations.js";
@@ -37,7 +37,7 @@ function drawNavigation({ page }) {
   const link = (href, text, names) => element("a", { href, "aria-current": names.includes(page) ? "page" : null }, text);
   const ofBlock = city.single || block;
   const review = link(blockPage("review"), "To look at", ["review", "edit"]);
-  const streets = link(blockPage("street"), "Streets", ["street"]);
+  const streets = isStatic ? "" : link(blockPage("street"), "Streets", ["street"]); // its pictures are drawn when they are asked for
   const elevations = link(blockPage("elevations"), "Elevations", ["elevations"]);
   const run = link(blockPage("run"), "Run", ["run"]);
   const facade = city.single ? ["facade"] : [];
@@ -134,7 +134,7 @@ const calm = () => !["map", "model", "photos", "edit"].includes(parse(shown).pag
 
 const later = (after) => {
   clearTimeout(timer);
-  timer = setTimeout(follow, after);
+  if (!isStatic) timer = setTimeout(follow, after);
 };
 
 // Read anew what goes on: the list of blocks, and of the open one its progress and its map.
