@@ -16,6 +16,7 @@ const EVIDENCE_COLUMN = { name: "evidence", label: "Evidence", type: "string", u
   meaning: "photographed (pictures show half of it or more), completed (they show less), in a style (an exemplar's), assumed (a back that nobody sees)" };
 
 export const evidenceColour = ({ evidence }) => EVIDENCE[evidence] || UNKNOWN;
+export const byEvidence = ({ evidence }) => [...Object.keys(EVIDENCE), undefined].indexOf(evidence); // the best known first
 export const evidenceLegend = () => legend(Object.entries(EVIDENCE).map(([text, colour]) => [colour, text]));
 
 // A block's map with the column `evidence`.

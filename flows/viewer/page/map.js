@@ -112,10 +112,6 @@ export class BlockMap {
     return this.engine.getCenter().toArray().map((value) => DEGREE_M * value);
   }
 
-  recolour() {
-    this.renew();
-  }
-
   // Marks: [{points: [[x, y]], closed}], in place of those before; `here` with `heading` in degrees, of somebody who stood there.
   mark(marks, here = null) {
     Object.assign(this, { marked: marks, here });

@@ -1,7 +1,7 @@
 // The page with the map of all blocks: what colours facades, what is looked for, and the list of facades that are shown.
 
 import { STATES } from "./city.js";
-import { choices, colouring, columnLabel, said } from "./columns.js";
+import { byEvidence, choices, colouring, columnLabel, said } from "./columns.js";
 import { blockBase, element, legend, picture } from "./elements.js";
 import { BlockMap, boxOf, unite } from "./map.js";
 
@@ -115,7 +115,7 @@ export class MapPage {
     const facades = this.maps().flatMap(([, block]) => block.facades);
     this.scheme = colouring(this.column, facades, this.columns);
     this.onlyLabel.hidden = !facades.some((facade) => facade.changed !== undefined);
-    this.map.recolour();
+    this.map.renew();
     this.refresh();
   }
 
@@ -151,6 +151,7 @@ export class MapPage {
     }
     const found = this.matching();
     if (this.changedOnly) found.sort((a, b) => b.facade.changed - a.facade.changed);
+    else if (this.column === "evidence") found.sort((a, b) => byEvidence(a.facade) - byEvidence(b.facade));
     const { unit, words } = this.columns.find(({ name }) => name === this.column) || {};
     const focused = this.rows.contains(document.activeElement) ? document.activeElement.getAttribute("href") : null;
     this.rows.replaceChildren(...found.slice(0, LISTED).map(({ number, block, facade }) => element("tr", {},

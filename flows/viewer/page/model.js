@@ -1,7 +1,7 @@
 // The blocks in 3D: a walk along their streets at eye height, and a bird's view. A frame is drawn only when something changes.
 
 import { MapControls, MathUtils, Raycaster, Vector2, Vector3 } from "./vendor/three.js";
-import { HAZE_M, Stage } from "./scene.js";
+import { HAZE_M, SHADOW_M, Stage } from "./scene.js";
 import { Tiles } from "./tiles.js";
 
 const EYE_M = 1.7;
@@ -154,7 +154,8 @@ export class View {
     this.dirty = false;
     this.coarse = !rests && this.scale < 1;
     this.drawn += 1;
-    this.stage.castShadows(this.feet, this.tiles.renewed);
+    const [around, reach] = this.bird ? [this.controls.target, 2 ** Math.ceil(Math.log2(this.controls.getDistance()))] : [this.feet, SHADOW_M];
+    this.stage.castShadows(around, reach, this.tiles.renewed);
     this.tiles.renewed = false;
     this.stage.draw(Math.min(2, devicePixelRatio || 1) * (rests ? 1 : this.scale), Math.max(HAZE_M, 2 * this.controls.getDistance() * this.flown));
   }

@@ -15,7 +15,7 @@ const [HOUSES, ROOFS] = [[148, 143, 134], [122, 98, 88]];
 const SKY_PX = [4096, 2048];
 // The sun and its shadows: from the south-west, 45 degrees high, over the surroundings of the walker.
 const TO_SUN = [-0.5, 0.7, 0.5];
-const SHADOW_M = 120;
+export const SHADOW_M = 120;
 const SHADOW_PX = 4096;
 // Light of the sky, of the ground and of the sun: a wall in the sun is a little brighter than its texture, one in the shade darker.
 const [SKY_LIGHT, GROUND_LIGHT, SUN_LIGHT] = [0xeaf2ff, 0xd8d2c8, 0xfff1dc];
@@ -46,19 +46,21 @@ export class Stage {
   light() {
     this.sun = new DirectionalLight(SUN_LIGHT, DIRECT);
     this.sun.castShadow = true;
-    Object.assign(this.sun.shadow, { bias: -0.0005, normalBias: 0.05, autoUpdate: false });
+    Object.assign(this.sun.shadow, { bias: -0.0005, autoUpdate: false });
     this.sun.shadow.mapSize.set(SHADOW_PX, SHADOW_PX);
-    Object.assign(this.sun.shadow.camera, { left: -SHADOW_M, right: SHADOW_M, top: SHADOW_M, bottom: -SHADOW_M, near: 1, far: 6 * SHADOW_M });
     Object.assign(this.renderer.shadowMap, { enabled: true, type: PCFShadowMap });
     this.scene.add(new HemisphereLight(SKY_LIGHT, GROUND_LIGHT, AROUND), this.sun, this.sun.target);
   }
 
-  // Shadows are drawn anew where the walker has come far, or something new casts them.
-  castShadows(at, renewed) {
-    if (!this.sun || !(renewed || this.sun.target.position.distanceTo(at) > SHADOW_M / 4)) return;
-    this.sun.target.position.copy(at);
-    this.sun.position.set(...TO_SUN).multiplyScalar(3 * SHADOW_M).add(at);
-    this.sun.shadow.needsUpdate = true;
+  // Shadows around a place are drawn anew where the viewer has come far, or something new casts them.
+  castShadows(at, reach, renewed) {
+    if (!this.sun || !(renewed || this.reach !== reach || this.sun.target.position.distanceTo(at) > reach / 4)) return;
+    const { position, shadow, target } = this.sun;
+    this.reach = reach;
+    target.position.copy(at);
+    position.set(...TO_SUN).multiplyScalar(2 * reach).add(at);
+    Object.assign(shadow, { needsUpdate: true, normalBias: reach / 2000 });
+    Object.assign(shadow.camera, { left: -reach, right: reach, top: reach, bottom: -reach, near: 1, far: 4 * reach }).updateProjectionMatrix();
   }
 
   // Draw at `scale` pixels for one of the page.
