@@ -13,7 +13,7 @@ from tasks.viewing.run_view import RunView
 from tasks.viewing.start_view import choose_start_view
 
 # Metres of a texel that are assumed of the overview and of tiles: a client loads a tile where the overview is too coarse.
-OVERVIEW_TEXEL_M, TILE_TEXEL_M = 0.4, 0.06
+OVERVIEW_TEXEL_M, TILE_TEXEL_M = 0.2, 0.06
 OVERVIEW = "overview.glb"
 
 

@@ -3,7 +3,6 @@
 import { ask, blockPage, element, facadeAddress, legend, openBase, picture } from "./elements.js";
 import { changeMap } from "./changes.js";
 import { REMEDIES, STATUS, said } from "./columns.js";
-import { smallMap } from "./map.js";
 
 // Facades that the list of those to look at shows.
 const LISTED = 200;
@@ -94,7 +93,7 @@ function remedies(facade) {
 }
 
 // Parts of a street's page, whose slider is the third.
-export function streetPage(block, progress, street, step, redraw) {
+export function streetPage(block, progress, street, step, redraw, smallMap) {
   if (!block.viewpoints.length) return [element("h2", {}, "Streets"), element("p", {}, "This block has no viewpoints: no street sees a wall.")];
   const withViews = block.streets.map((_, i) => i).filter((i) => block.viewpoints.some((viewpoint) => viewpoint.street === i));
   if (!withViews.includes(street)) street = withViews[0];

@@ -3,7 +3,8 @@
 import { STATES } from "./city.js";
 import { byEvidence, choices, colouring, columnLabel, said } from "./columns.js";
 import { blockBase, element, legend, picture } from "./elements.js";
-import { BlockMap, boxOf, unite } from "./map.js";
+import { boxOf, unite } from "./geometry.js";
+import { BlockMap } from "./map.js";
 
 const LISTED = 300;
 const THUMBNAIL_PX = 40;

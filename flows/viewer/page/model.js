@@ -141,7 +141,7 @@ export class View {
     this.stale = this.stale || this.moving; // what is chosen to be drawn may not fit the place
     if (this.stale && now - this.selected > SELECT_MS) {
       Object.assign(this, { stale: false, selected: now });
-      this.tiles.select(this.feet, this.canvas.clientHeight * Math.min(2, devicePixelRatio || 1));
+      this.tiles.select(this.bird ? this.stage.camera.position : this.feet, this.canvas.clientHeight * Math.min(2, devicePixelRatio || 1));
     }
     // at rest, all pixels are drawn once
     const rests = !this.moving && this.coarse;

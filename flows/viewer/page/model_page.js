@@ -2,7 +2,7 @@
 
 import { evidenceLegend } from "./columns.js";
 import { ask, blockBase, element } from "./elements.js";
-import { distance } from "./map.js";
+import { distance } from "./geometry.js";
 import { View } from "./model.js";
 
 // How far from a facade's foot line a place on its wall may be, metres; balconies project.

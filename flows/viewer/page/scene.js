@@ -12,7 +12,7 @@ const NEAR_M = 0.12;
 const [ZENITH, HORIZON, LAND] = [[104, 151, 205], [222, 231, 238], [178, 184, 182]];
 const ROOFLINES = [[151, 0.05, 0.035, 0.66], [89, 0.026, 0.04, 0.42]];
 const [HOUSES, ROOFS] = [[148, 143, 134], [122, 98, 88]];
-const SKY_PX = [4096, 2048];
+const SKY_PX = { software: [2048, 1024], card: [4096, 2048] };
 // The sun and its shadows: from the south-west, 45 degrees high, over the surroundings of the walker.
 const TO_SUN = [-0.5, 0.7, 0.5];
 export const SHADOW_M = 120;
@@ -37,7 +37,7 @@ export class Stage {
     this.camera = new PerspectiveCamera(FIELD, 1, NEAR_M, 8000);
     this.camera.rotation.order = "YXZ";
     this.scene.fog = new FogExp2(new Color(css(HORIZON)), 1 / HAZE_M);
-    this.sky = new Mesh(new SphereGeometry(1, 64, 32), new MeshBasicMaterial({ map: paintedSky(), side: BackSide, fog: false, depthWrite: false, toneMapped: false }));
+    this.sky = new Mesh(new SphereGeometry(1, 64, 32), new MeshBasicMaterial({ map: paintedSky(SKY_PX[this.bySoftware ? "software" : "card"]), side: BackSide, fog: false, depthWrite: false, toneMapped: false }));
     this.sky.renderOrder = -1;
     this.scene.add(this.sky);
     if (!this.bySoftware) this.light();
@@ -122,9 +122,8 @@ function drawsBySoftware() {
 }
 
 // The sky all around: from the horizon to the zenith, houses in haze along the horizon, land below.
-function paintedSky() {
-  const canvas = Object.assign(document.createElement("canvas"), { width: SKY_PX[0], height: SKY_PX[1] });
-  const [width, height] = SKY_PX;
+function paintedSky([width, height]) {
+  const canvas = Object.assign(document.createElement("canvas"), { width, height });
   const picture = canvas.getContext("2d");
   const gradient = picture.createLinearGradient(0, 0, 0, height / 2);
   for (let step = 0; step <= 16; step++) gradient.addColorStop(1 - step / 16, css(mix(HORIZON, ZENITH, Math.sin((step * Math.PI) / 32) ** 0.55)));

@@ -3,7 +3,7 @@
 import { Box3, Color, Float32BufferAttribute, GLTFLoader, LoadRegionPlugin, Mesh, MeshBVH, Raycaster, Sphere, SphereRegion, TilesRenderer, Vector3, acceleratedRaycast } from "./vendor/three.js";
 import { evidenceColour } from "./columns.js";
 import { blockBase } from "./elements.js";
-import { distance } from "./map.js";
+import { distance } from "./geometry.js";
 import { textureReader } from "./scene.js";
 
 Mesh.prototype.raycast = acceleratedRaycast;
@@ -98,6 +98,7 @@ export class Tiles {
       if (!mesh.isMesh) return;
       const { material } = mesh;
       mesh.material = this.stage.material(material.map, !tile.parent);
+      if (!tile.parent) tile.geometricError = texelMetres(mesh.geometry, material.map.image);
       mesh.castShadow = mesh.receiveShadow = true;
       material.dispose();
       mesh.geometry.boundsTree = new MeshBVH(mesh.geometry);
@@ -211,6 +212,22 @@ export class Tiles {
     }
     return found.filter((mesh) => mesh.geometry.boundingBox.distanceToPoint(mesh.worldToLocal(place.clone())) < 3);
   }
+}
+
+// Metres of a texel: of a mesh's area, and of that on its page.
+function texelMetres({ index, attributes: { position, uv } }, { width, height }) {
+  let [metres, texels] = [0, 0];
+  const [a, b, c] = [new Vector3(), new Vector3(), new Vector3()];
+  const area = (values) => {
+    [a, b, c].forEach((point, k) => point.set(...values(k)));
+    return b.sub(a).cross(c.sub(a)).length();
+  };
+  for (let corner = 0; corner < index.count; corner += 3) {
+    const at = (k) => index.getX(corner + k);
+    metres += area((k) => [position.getX(at(k)), position.getY(at(k)), position.getZ(at(k))]);
+    texels += area((k) => [width * uv.getX(at(k)), height * uv.getY(at(k)), 0]);
+  }
+  return Math.sqrt(metres / Math.max(texels, 1));
 }
 
 // Colours of a mesh's vertices: of the nearest facade of its building on walls, else of nothing in particular.

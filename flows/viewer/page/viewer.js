@@ -5,7 +5,6 @@ import { ask, blockBase, blockPage, element, facadeAddress, isStatic, openBlock,
 import { blocksPage, facadePage, fate, reviewPage, runPage, streetPage } from "./block_pages.js";
 import { City } from "./city.js";
 import { elevationsPage } from "./elevations.js";
-import { MapPage } from "./map_page.js";
 
 const main = document.getElementById("main");
 const state = document.getElementById("state");
@@ -13,13 +12,14 @@ const LOOK_AGAIN_MS = 2000;
 const OF_CITY = ["map", "model", "blocks", "token", ""];
 
 const city = new City();
-let mapPage = null;
+let mapPage = null; // once it was looked at: its engine is large
 let model = null; // the view of the 3D page
 let block = null; // map of the open block
 let progress = null; // what its /api/progress said last
 let shown = ""; // the address that is drawn
 const correctors = new Map(); // block -> who corrects it, for who may
 let token = null;
+let begun = false; // the list of blocks was read
 let timer = 0;
 
 const fill = (...parts) => main.replaceChildren(...parts.filter((part) => part !== null));
@@ -75,13 +75,19 @@ async function openCorrector(number) {
 }
 
 async function drawMap([number, id]) {
+  const { MapPage } = await import("./map_page.js");
+  if (!mapPage) {
+    mapPage = new MapPage(city, { open: (number, id) => (location.hash = addressOf(number, id)), address: addressOf });
+    mapPage.update();
+  }
   fill(mapPage.element);
   if (id !== undefined) await mapPage.goToFacade(Number(number), id);
   else if (number !== undefined) mapPage.goTo({ kind: "block", id: number, blocks: [Number(number)], box: mapPage.boxOfBlock(Number(number)) });
 }
 
-function drawStreet(street, step) {
-  const parts = streetPage(block, progress, street, step, () => draw());
+async function drawStreet(street, step) {
+  const { smallMap } = await import("./map.js");
+  const parts = streetPage(block, progress, street, step, () => draw(), smallMap);
   const kept = document.getElementById("step");
   if (kept && document.activeElement === kept && parts[2] && kept.max === String(parts[2].max)) {
     // the slider stays, so that it keeps the focus and what the finger holds
@@ -93,7 +99,7 @@ function drawStreet(street, step) {
 
 async function drawModel([number, id]) {
   const { modelPage } = await import("./model_page.js");
-  model = await modelPage(city, mapPage.map.middle(), id === undefined ? null : [Number(number), id], fill, (number, id) => (location.hash = addressOf(number, id)));
+  model = await modelPage(city, mapPage?.map.middle() ?? [0, 0], id === undefined ? null : [Number(number), id], fill, (number, id) => (location.hash = addressOf(number, id)));
 }
 
 const addressOf = (number, id) => (city.single ? facadeAddress(id) : `#/block/${number}/facade/${encodeURIComponent(id)}`);
@@ -110,7 +116,7 @@ async function draw(again = false) {
     drawNavigation(place);
     const { page, rest } = place;
     if (page === "facade") fill(...(await facadePage(block, rest[0], openNumber(), correct)));
-    else if (page === "street") drawStreet(Number(rest[0] || 0), Number(rest[1] || 0));
+    else if (page === "street") await drawStreet(Number(rest[0] || 0), Number(rest[1] || 0));
     else if (page === "elevations") fill(...elevationsPage(block, Number(rest[0]) || undefined));
     else if (page === "run") fill(...runPage(block, progress));
     else if (page === "review") fill(...reviewPage(block, correct));
@@ -141,14 +147,12 @@ const later = (after) => {
 async function follow() {
   try {
     const changed = await city.refresh();
-    if (!mapPage) {
-      openBlock(0, city.single);
-      mapPage = new MapPage(city, { open: (number, id) => (location.hash = addressOf(number, id)), address: addressOf });
-    }
+    if (!begun) openBlock(0, city.single);
+    begun = true;
     const blockChanged = await followBlock();
     if (changed) model?.tiles.update();
-    if (changed || blockChanged) mapPage.update();
-    else mapPage.fetchMaps();
+    if (changed || blockChanged) mapPage?.update();
+    else mapPage?.fetchMaps();
     // a run opens with the photos that are to be decided, or with what is to be looked at
     if (byToken && !shown) history.replaceState(null, "", !city.single ? "#/map" : corrector()?.photos ? "#/photos" : "#/review");
     document.title = `${city.said.name} · Streetloom`;
@@ -192,7 +196,7 @@ function cityNews() {
   return parts.join(", ");
 }
 
-addEventListener("hashchange", () => mapPage && draw());
+addEventListener("hashchange", () => begun && draw());
 addEventListener("keydown", (event) => {
   if (!block || event.target.closest("input, select, textarea, .map") || event.ctrlKey || event.altKey || event.metaKey) return;
   const by = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
