@@ -15,6 +15,7 @@ from benchmarks.programs import MissingProgramError, chromium
 MAP = "document.querySelector('.map')?.map"
 FACADES = "(document.querySelector('.map')?.map.engine.queryRenderedFeatures({layers: ['facades']}) ?? [])"
 
+
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Any]:
     from playwright.sync_api import sync_playwright
