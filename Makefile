@@ -13,7 +13,7 @@ endif
 # Of the tests without whole runs, those that take most of the time; a change there runs its own
 SLOW := catalogs/block facade_core/layout facade_core/parse facade_core/rectify facade_core/street facade_core/test_facade.py facade_core/texture test_tutorials.py
 
-.PHONY: demo test test-long test-data quick setup train-setup detect-setup ktx2-setup usd-setup sfm-setup clients docs review check bench figures figures-night constraints release clean
+.PHONY: demo test test-long test-data quick setup train-setup detect-setup ktx2-setup usd-setup sfm-setup clients engines docs review check bench figures figures-night constraints release clean
 
 demo: .venv/runtime  ## Texture the embedded block: model and report in out/demo
 	$(BIN)/streetloom demo $(DEMO_FLAGS)
@@ -91,6 +91,11 @@ clients: .venv/clients/node_modules/.package-lock.json .venv/clients/python/read
 	@if command -v chromium || command -v chromium-browser || command -v google-chrome; then touch $@; \
 		elif command -v npm && npm ci --prefix $(@D) --no-audit --no-fund --silent && TMPDIR="$(CURDIR)/$(@D)" node $(@D)/unpack.js; then touch $@; \
 		else echo "npm cannot install Chromium: tests of pages are skipped" >&2; fi >/dev/null
+
+engines:  ## Bundle the libraries of the viewer's page (MapLibre GL, three.js, 3d-tiles-renderer) into flows/viewer/page/vendor anew; needs npm
+	@mkdir -p .venv/engines && cp flows/viewer/engines/* .venv/engines/ && rm -rf flows/viewer/page/vendor
+	npm ci --prefix .venv/engines --no-audit --no-fund --silent
+	cd .venv/engines && node bundle.js "$(CURDIR)/flows/viewer/page/vendor"
 
 docs: setup  ## Build the documentation site in out/site, offline; open out/site/index.html (search needs: python3 -m http.server --directory out/site)
 	$(BIN)/uv pip install --quiet --python $(BIN)/python --require-hashes -r deploy/constraints/docs.txt

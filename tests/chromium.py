@@ -11,6 +11,10 @@ import pytest
 
 from benchmarks.programs import MissingProgramError, chromium
 
+# The page's map, its engine, and the facades that it has drawn.
+MAP = "document.querySelector('.map')?.map"
+FACADES = "(document.querySelector('.map')?.map.engine.queryRenderedFeatures({layers: ['facades']}) ?? [])"
+
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Any]:

@@ -25,7 +25,7 @@ from flows.cli.output import print_line, print_notice
 from flows.cli.paths import EXISTING_FILE, EXISTING_FOLDER, OUT
 from flows.cli.plan import plan_command
 from flows.cli.prune import prune
-from flows.cli.results import catalog, export, query, view
+from flows.cli.results import catalog, export, publish_page, query, view
 from flows.cli.training import bench, train
 from flows.cli.usage import single_line_errors
 
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 COMMAND_GROUPS = {
     "Begin": ("demo", "new-block", "new-city", "fetch", "fetch-imagery", "match", "harvest", "plan"),
     "Run": ("run", "city"),
-    "Use": ("view", "query", "complete", "export", "import", "catalog"),
+    "Use": ("view", "publish-page", "query", "complete", "export", "import", "catalog"),
     "Operate": ("doctor", "metrics", "prune"),
     "Develop": ("train", "bench"),
 }
@@ -301,6 +301,7 @@ for command in (
     import_,
     catalog,
     view,
+    publish_page,
     doctor,
     metrics,
     prune,

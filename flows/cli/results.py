@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from flows.cli.output import print_line, print_notice
-from flows.cli.paths import EXISTING_FOLDER, EXISTING_OUT, LocalOutputPath
+from flows.cli.paths import EXISTING_FOLDER, EXISTING_OUT, FOLDER, LocalOutputPath
 from flows.cli.usage import BboxCommand, current_user
 from flows.cli.viewed import find_viewed_folder
 from flows.viewer import VIEWER_HOST, VIEWER_PORT
@@ -326,15 +328,13 @@ def view(out: Folder, port: int, host: str, opened: bool, edit: bool, who: str |
     if photos is not None and not edit:
         raise click.UsageError("--photos needs --edit")
     target = find_viewed_folder(out, several=photos is None)
-    try:
+    with _viewer_requirements():
         from flows.viewer.app import serve
         from flows.viewer.editing import EditorUser
         from tasks.corrections.correction_import import find_run_block_file
         from tasks.matching.match_table import TABLE
         from tasks.viewing.city_view import CityReader
         from tasks.viewing.run_view import RunReader
-    except ModuleNotFoundError as error:
-        raise InputError(f"the viewer needs {error.name}; install it with: pip install 'streetloom[viewer]'") from error
 
     if edit and target.first_run is not None:  # corrections are stored next to the block file
         folder = find_run_block_file(target.first_run).parent
@@ -360,3 +360,43 @@ def view(out: Folder, port: int, host: str, opened: bool, edit: bool, who: str |
     )
     reader = CityReader(target.folder, is_locked) if target.is_city else RunReader(target.folder)
     serve(reader, host, port, ready, EditorUser(who or current_user(), photos) if edit else None)
+
+
+@contextmanager
+def _viewer_requirements() -> Iterator[None]:
+    """Name the extra that installs a missing package of the viewer."""
+    from facade_core.core.errors import InputError
+
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        raise InputError(f"the viewer needs {error.name}; install it with: pip install 'streetloom[viewer]'") from error
+
+
+@click.command("publish-page", short_help="Write the page of a run or a city as files for any web server.")
+@click.argument("out", metavar="OUT", type=EXISTING_OUT)
+@click.option("--to", "target", type=FOLDER, required=True, help="New folder, or one with an earlier page.")
+def publish_page(out: Folder, target: Path) -> None:
+    """Write the page that `streetloom view` serves as files for any web server, read-only.
+
+    FOLDER/index.html has the map, the elevations, the facades with the pictures of their story, and the 3D model. The page
+    of viewpoints and the search of a city need `streetloom view`. Whoever has the page sees the pictures of its facades: see
+    `attribution` of the run, and `imagery.privacy` of its block file, first.
+
+    \b
+    Examples:
+      streetloom publish-page out/demo --to site/
+      python3 -m http.server --directory site/          to look at it here
+    """
+    from flows.lock import is_locked
+
+    viewed = find_viewed_folder(out, several=True)
+    with _viewer_requirements():
+        from flows.viewer.app import create_application
+        from flows.viewer.static_page import HOST, StaticPageWriter
+        from tasks.viewing.city_view import CityReader
+        from tasks.viewing.run_view import RunReader
+    reader = CityReader(viewed.folder, is_locked) if viewed.is_city else RunReader(viewed.folder)
+    writer = StaticPageWriter(create_application(reader, HOST, HOST), target, lambda line: print_line(line, err=True))
+    count = writer.write()
+    print_line(f"{target / 'index.html'}  ({count} files)")

@@ -1,77 +1,110 @@
-"""Model files of the newest published snapshot for the 3D view, and the start of a walk."""
+"""Models of the newest published snapshot as 3D Tiles for the 3D view, and the start of a walk."""
 
 from __future__ import annotations
 
 import json
-from urllib.parse import urlencode
+from collections.abc import Sequence
 
-from catalogs.published.folders import Folder, file_size
+from catalogs.published.folders import Folder
 from catalogs.published.snapshot import SnapshotFolder, find_current_snapshot
 from facade_core.core.errors import InputError, StoreError
 from facade_core.core.json_types import JsonObject
 from tasks.viewing.run_view import RunView
 from tasks.viewing.start_view import choose_start_view
 
+# Metres of a texel that are assumed of the overview and of tiles: a client loads a tile where the overview is too coarse.
+OVERVIEW_TEXEL_M, TILE_TEXEL_M = 0.2, 0.06
+OVERVIEW = "overview.glb"
 
-def viewer_model_index(out: Folder) -> JsonObject:
-    """Return the addresses and boxes of the newest model's tiles and of its overview.
 
-    Returns
-    -------
-    index : `tiles` with boxes in world metres and sizes in bytes, and `overview`.
+def block_tileset(out: Folder, snapshot_id: str) -> JsonObject:
+    """Return the tileset (3D Tiles 1.1) of a snapshot's model: its overview, and the tiles that refine it.
+
+    Boxes are in world metres, z up. A model's own place is the `origin` of its scene, not a transform of its tile.
+
+    Parameters
+    ----------
+    out : folder of the run.
+    snapshot_id : id of the newest snapshot.
 
     Raises
     ------
+    InputError
+        The snapshot is not the newest.
     StoreError
-        Nothing is published yet.
+        The model has no tiles.
     """
-    snapshot = find_current_snapshot(out)
-    if snapshot is None:
-        raise StoreError("nothing is published yet: the model appears at the end of the run")
-    listed = json.loads(snapshot.tiles.read_text("utf-8"))["tiles"]
-    if not listed:
-        raise StoreError("the model has no tiles: nothing was textured; the page Run says why")
+    listed = _read_tiles(_newest_snapshot(out, snapshot_id))
+    lows, highs = zip(*(tile["box"] for tile in listed), strict=True)
+    low, high = (
+        [min(values) for values in zip(*lows, strict=True)],
+        [max(values) for values in zip(*highs, strict=True)],
+    )
     return {
-        "overview": {"address": f"model?{urlencode({'of': snapshot.id})}", "bytes": file_size(snapshot.overview) or 0},
-        "tiles": [
-            {
-                "address": f"model?{urlencode({'of': snapshot.id, 'tile': tile['path']})}",
-                "box": tile["box"],
-                "origin": tile["origin"],
-                "bytes": tile["bytes"],
-            }
-            for tile in listed
-        ],
+        "asset": {"version": "1.1"},
+        "geometricError": 2 * OVERVIEW_TEXEL_M,
+        "root": {
+            "boundingVolume": {"box": _bounding_box(low, high)},
+            "geometricError": OVERVIEW_TEXEL_M,
+            "refine": "ADD",  # a client hides the overview where all of its tiles are shown
+            "content": {"uri": OVERVIEW},
+            "children": [
+                {
+                    "boundingVolume": {"box": _bounding_box(*tile["box"])},
+                    "geometricError": TILE_TEXEL_M,
+                    "content": {"uri": f"{tile['path']}.glb"},
+                }
+                for tile in listed
+            ],
+        },
     }
 
 
 def viewer_start(view: RunView) -> JsonObject:
     """Return the start of a walk: `anchor` in world metres and `heading` in degrees clockwise from north.
 
-    Both are None where no street sees a facade.
+    Where no street sees a facade, the anchor is that of the first tile, and the heading None.
     """
-    start = choose_start_view(view)
-    return {"anchor": start.position if start else None, "heading": start.heading if start else None}
+    if start := choose_start_view(view):
+        return {"anchor": start.position, "heading": start.heading}
+    return {"anchor": _read_tiles(_newest_snapshot(view.out))[0]["origin"], "heading": None}
 
 
-def find_model_file(out: Folder, snapshot_id: str, tile: str | None) -> Folder:
-    """Return the model file of a tile of a snapshot, or its overview.
+def find_model_file(out: Folder, snapshot_id: str, name: str) -> Folder:
+    """Return the file of a model that the tileset of a snapshot names.
 
     Raises
     ------
     InputError
         The snapshot is not the newest, or the file is missing.
     """
-    snapshot = find_current_snapshot(out)
-    if snapshot is None or snapshot.id != snapshot_id:
-        raise InputError("another model was published since; load the page again")
-    if tile is not None and tile not in _tile_paths(snapshot):
+    snapshot = _newest_snapshot(out, snapshot_id)
+    tile = name.removesuffix(".glb")
+    if name != OVERVIEW and tile not in {listed["path"] for listed in _read_tiles(snapshot)}:
         raise InputError(f"the model has no tile {tile!r}")
-    path = snapshot.overview if tile is None else snapshot.tile(tile)
+    path = snapshot.overview if name == OVERVIEW else snapshot.tile(tile)
     if not path.is_file():
         raise InputError(f"{path.name} is missing; {snapshot.remedy}")
     return path
 
 
-def _tile_paths(snapshot: SnapshotFolder[Folder]) -> set[str]:
-    return {tile["path"] for tile in json.loads(snapshot.tiles.read_text("utf-8"))["tiles"]}
+def _newest_snapshot(out: Folder, snapshot_id: str | None = None) -> SnapshotFolder[Folder]:
+    snapshot = find_current_snapshot(out)
+    if snapshot is None:
+        raise StoreError("nothing is published yet: the model appears at the end of the run")
+    if snapshot_id not in (None, snapshot.id):
+        raise InputError("another model was published since; load the page again")
+    return snapshot
+
+
+def _read_tiles(snapshot: SnapshotFolder[Folder]) -> list[JsonObject]:
+    listed: list[JsonObject] = json.loads(snapshot.tiles.read_text("utf-8"))["tiles"]
+    if not listed:
+        raise StoreError("the model has no tiles: nothing was textured; the page Run says why")
+    return listed
+
+
+def _bounding_box(low: Sequence[float], high: Sequence[float]) -> list[float]:
+    """Return a box of 3D Tiles: its centre, and half of each side as a vector."""
+    (x, y, z), (a, b, c) = zip(*(((p + q) / 2, (q - p) / 2) for p, q in zip(low, high, strict=True)), strict=True)
+    return [x, y, z, a, 0, 0, 0, b, 0, 0, 0, c]

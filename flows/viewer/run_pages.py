@@ -15,7 +15,7 @@ from flows.lock import is_locked
 from flows.viewer.background_run import BackgroundRun
 from flows.viewer.editing import EditorUser, correction_routes
 from flows.viewer.matching import photo_match_routes
-from flows.viewer.model import find_model_file, viewer_model_index, viewer_start
+from flows.viewer.model import block_tileset, find_model_file, viewer_start
 from tasks.stages.facades.record import FacadeRecord
 from tasks.viewing import draw_stage_picture, list_stage_pictures, read_previous_capture_picture
 from tasks.viewing.pictures import encode_picture
@@ -24,6 +24,8 @@ from tasks.viewing.street_replay import StreetReplay
 
 # The address of a picture names its snapshot, and a snapshot never changes.
 IMMUTABLE = {"Cache-Control": "private, max-age=31536000, immutable"}
+# Height of a picture that a page may ask for.
+MAX_HEIGHT_PX = 4096
 
 
 def answer_errors(respond: Callable[[Request], Response]) -> Callable[[Request], Response]:
@@ -81,7 +83,9 @@ def run_routes(reader: RunReader, editor: EditorUser | None, redo: BackgroundRun
         image = draw_stage_picture(
             view, view.find_facade_index(request.query_params["id"]), request.query_params["stage"]
         )
-        return Response(encode_picture(image), media_type="image/webp", headers=IMMUTABLE)
+        height = 1 + _parse_index(request, "height", MAX_HEIGHT_PX) if "height" in request.query_params else None
+        picture = encode_picture(image, max_height=height)
+        return Response(picture, media_type="image/webp", headers=IMMUTABLE)
 
     def earlier(request: Request) -> Response:
         view = reader.open_newest()
@@ -101,8 +105,11 @@ def run_routes(reader: RunReader, editor: EditorUser | None, redo: BackgroundRun
         image = replay.draw_after_viewpoint(view, _parse_index(request, "viewpoint", len(view.tables.street)))
         return Response(encode_picture(image), media_type="image/webp", headers=IMMUTABLE)
 
+    def tileset(request: Request) -> Response:
+        return JSONResponse(block_tileset(out, request.path_params["of"]), headers=IMMUTABLE)
+
     def tile(request: Request) -> Response:
-        file = find_model_file(out, request.query_params["of"], request.query_params.get("tile"))
+        file = find_model_file(out, request.path_params["of"], request.path_params["name"])
         # its textures are JPEGs, which compression would not shrink
         headers = IMMUTABLE | {"Content-Encoding": "identity"}
         if isinstance(file, Path):
@@ -113,9 +120,9 @@ def run_routes(reader: RunReader, editor: EditorUser | None, redo: BackgroundRun
         "/api/block": block,
         "/api/progress": progress,
         "/api/facade": facade,
-        "/api/model": lambda request: JSONResponse(viewer_model_index(out)),
         "/api/start": lambda request: JSONResponse(viewer_start(reader.open_newest())),
-        "/model": tile,
+        "/tiles/{of}/tileset.json": tileset,
+        "/tiles/{of}/{name:path}": tile,
         "/picture/facade": stage,
         "/picture/before": earlier,
         "/picture/panorama": panorama,

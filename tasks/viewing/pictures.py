@@ -48,10 +48,13 @@ def read_previous_capture_picture(view: RunView, index: int) -> bytes:
     return read_stored_file(view.group, record["before_file"], record["before_digest"])
 
 
-def encode_picture(image: UInt8Array, kind: str = "WEBP", quality: int = 85) -> bytes:
-    """Encode an image (h, w, 3) uint8 as a file's bytes."""
+def encode_picture(image: UInt8Array, kind: str = "WEBP", quality: int = 85, *, max_height: int | None = None) -> bytes:
+    """Encode an image (h, w, 3) uint8 as a file's bytes, at most `max_height` pixels high."""
     from PIL import Image
 
     buffer = io.BytesIO()
-    Image.fromarray(image).save(buffer, kind, quality=quality)
+    picture = Image.fromarray(image)
+    if max_height is not None:
+        picture.thumbnail((image.shape[1], max_height))
+    picture.save(buffer, kind, quality=quality)
     return buffer.getvalue()

@@ -18,7 +18,7 @@ from facade_core.atlas.journal import read_journal, write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
 from facade_core.atlas.stored_files import digest_stored_file, earlier_picture_path, write_stored_file
 from flows.lock import lock_folder
-from tests.chromium import tab, wait
+from tests.chromium import FACADES, MAP, tab, wait
 from tests.pipeline.viewed import get, viewing
 
 pytestmark = pytest.mark.long
@@ -38,8 +38,10 @@ def page(browser: Any) -> Iterator[Any]:
 
 def test_map_facade_and_street_in_a_browser(page: Any, address: str) -> None:
     page.goto(address)
-    page.wait_for_selector("line.facade", state="attached")
-    count = page.locator("line.facade").count()
+    wait(page, f"{FACADES}.length > 3")
+    count = page.evaluate(f"{MAP}.drawn().facades.length")
+    assert page.input_value("#coloured-by") == "evidence"
+    assert {"in a style", "assumed"} <= set(page.locator(".legend span").all_inner_texts())
     assert count == page.locator("tbody tr").count() > 3
     page.select_option("#coloured-by", "occluded")
     assert "%" in page.locator(".legend").inner_text()
@@ -48,7 +50,8 @@ def test_map_facade_and_street_in_a_browser(page: Any, address: str) -> None:
 
     page.locator("tbody a").first.click()
     page.wait_for_selector(".stages img")
-    assert page.locator("figure").first.get_attribute("class") == "texture"
+    story = [one.get_attribute("class") for one in page.locator(".story figure").all()]
+    assert story[-3:] == ["parse", "layout", "texture"]
     assert page.locator("details td").count() == 4 * page.locator("details tbody tr").count() > 40
     assert page.get_attribute("text=In 3D", "href").startswith("#/model/0/")
     first = page.locator("h2").inner_text()
@@ -56,6 +59,15 @@ def test_map_facade_and_street_in_a_browser(page: Any, address: str) -> None:
     wait(page, f"document.querySelector('h2').innerText !== {json.dumps(first)}")
     wait(page, "[...document.querySelectorAll('.stages img')].slice(0, 3).every(i => i.complete && i.naturalWidth)")
 
+    page.click("text=Elevations")
+    page.wait_for_selector(".elevation img")
+    block = json.loads(get(f"{address}/api/block"))
+    fronts = [facade for facade in block["facades"] if facade["role"] == "street"]
+    assert page.locator(".elevation img").count() == len(fronts)
+    widths = page.evaluate(
+        "Object.fromEntries([...document.querySelectorAll('.elevation img')].map((i) => [i.alt, i.width]))"
+    )
+    assert widths == {f"Facade {facade['id']}": pytest.approx(8 * facade["width_m"], abs=1) for facade in fronts}
     page.click("text=To look at")
     wait(page, "document.querySelector('h2').innerText.endsWith('facades to look at')")
     listed = json.loads(get(f"{address}/api/block"))["to_look_at"]
@@ -79,7 +91,8 @@ def test_pages_are_accessible_and_fit_a_phone(browser: Any, address: str) -> Non
     opened.set_default_timeout(300_000)
     facade = json.loads(get(f"{address}/api/block"))["facades"][0]["id"]
     for place, there in {
-        "map": "line.facade",
+        "map": ".map canvas",
+        "elevations": ".elevation img",
         "review": "nav a[aria-current][href='#/review']",
         f"facade/{facade}": ".stages img",
         "street": "#step",
@@ -106,7 +119,7 @@ def test_the_block_in_3d_opens_on_a_street_and_is_walked_through(page: Any, addr
 
     def said() -> dict[str, Any]:
         values = page.evaluate("({...document.getElementById('model').dataset})")
-        return {key: value if key in ("mode", "stands") else float(value) for key, value in values.items()}
+        return {key: value if key in ("mode", "stands", "engine") else float(value) for key, value in values.items()}
 
     begun = said()
     assert begun["mode"] == "street"
@@ -148,6 +161,15 @@ def test_the_block_in_3d_opens_on_a_street_and_is_walked_through(page: Any, addr
     assert min(np.hypot(at["x"] - ahead["x"], at["z"] - ahead["z"]) for at in (left, right)) < 25
     assert right["overGround"] == pytest.approx(1.7, abs=0.01)
 
+    page.click("#shade")
+    mesh = "document.getElementById('model').view.tiles.opened[0].group.getObjectByProperty('isMesh', true)"
+    wait(page, f"{mesh}.geometry.attributes.color")
+    assert page.locator(".controls .legend span").all_inner_texts() == [
+        "photographed",
+        "completed",
+        "in a style",
+        "assumed",
+    ]
     page.click("#bird")
     wait(page, f"Number(document.getElementById('model').dataset.y) > {begun['y'] + 15}")
     assert said()["mode"] == "bird"
@@ -196,7 +218,7 @@ def test_a_run_that_goes_on_is_followed_and_a_failure_says_why(
         page.click("nav >> text=Map")
         page.check("#changed-only")
         page.wait_for_selector(f"tbody tr:only-child >> text={other['unit']}")
-        assert page.locator("line.facade[opacity='1']").count() == 1
+        assert page.evaluate(f"{MAP}.drawn().facades.filter((one) => one.properties.opacity === 1).length") == 1
         assert page.input_value("#coloured-by") == "changed"
         page.click(f"tbody >> text={other['unit']}")
         page.wait_for_selector("text=Changed: 40 % of what both captures show, which counts as changed")

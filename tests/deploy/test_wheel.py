@@ -50,7 +50,7 @@ def test_a_wheel_holds_models_examples_and_pages_and_neither_tests_nor_benchmark
     rooms = {path.parts[0] for path in held}
     ours = {"catalogs", "facade_core", "flows", "tasks", "streetloom"}
     assert {room for room in rooms if not room.endswith(".dist-info")} == ours
-    assert {path.name for path in held if "licenses" in path.parts} == {"LICENSE", "LICENCES.md"}
+    assert {path.name for path in held if "licenses" in path.parts} == {"LICENSE", "LICENCES.md", "LICENCES.txt"}
     tracked = subprocess.run(["git", "ls-files", *sorted(ours)], cwd=ROOT, capture_output=True, text=True, check=True)
     assert {Path(line) for line in tracked.stdout.splitlines()} <= held
 

@@ -204,8 +204,10 @@ def test_the_page_shows_it(runs: Runs) -> None:
         block = page.get("/api/block").json()
         assert {facade["status"] for facade in block["facades"]} == {"done"}
         assert page.get("/api/progress").json()["ended"]
-        model = page.get("/api/model").json()
-        assert page.get(model["tiles"][0]["address"]).content[:4] == b"glTF"
+        [row] = page.get("/api/city").json()["blocks"]
+        root = page.get(f"/tiles/{row['published']}/tileset.json").json()["root"]
+        for tile in (root, root["children"][0]):
+            assert page.get(f"/tiles/{row['published']}/{tile['content']['uri']}").content[:4] == b"glTF"
         assert page.get("/picture/panorama?viewpoint=0").content[:2] == b"\xff\xd8"
 
 

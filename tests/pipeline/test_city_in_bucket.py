@@ -148,8 +148,9 @@ def test_a_block_of_it_is_seen_and_exported(cities: tuple[Path, S3Path, Path, di
     ) as page:
         block = page.get("/api/block").json()
         assert {facade["status"] for facade in block["facades"]} == {"done"}
-        tile = page.get("/api/model").json()["tiles"][0]["address"]
-        assert page.get(tile).content[:4] == b"glTF"
+        [row] = page.get("/api/city").json()["blocks"]
+        root = page.get(f"/tiles/{row['published']}/tileset.json").json()["root"]
+        assert page.get(f"/tiles/{row['published']}/{root['children'][0]['content']['uri']}").content[:4] == b"glTF"
     refused = call(command_line, ["export", str(out), "--format", "glb", "--to", str(tmp_path / "all")])
     assert refused.exit_code == 2
     assert f"a block of it, such as {out}/{name}" in refused.stderr

@@ -3,10 +3,11 @@
 import { ask, blockPage, element, facadeAddress, legend, openBase, picture } from "./elements.js";
 import { changeMap } from "./changes.js";
 import { REMEDIES, STATUS, said } from "./columns.js";
-import { smallMap } from "./map.js";
 
 // Facades that the list of those to look at shows.
 const LISTED = 200;
+// Stages that tell how a facade came about, in one row: what was there, what was found in it, what it became.
+const STORY = ["source", "rectified", "parse", "layout", "texture"];
 
 // A run that was killed leaves work that nobody does.
 export const fate = (progress) => (progress.ended ? "the run has ended" : progress.under_way ? "the run is in progress" : "the run was interrupted; run the block again to resume");
@@ -37,7 +38,8 @@ export async function facadePage(block, id, number, correct) {
   const facade = block.facades[index];
   const details = await ask(`api/facade?id=${encodeURIComponent(id)}`);
   const go = (by) => (location.hash = facadeAddress(block.facades[(index + by + block.facades.length) % block.facades.length].id));
-  const texture = details.stages.find(({ stage }) => stage === "texture") || null;
+  const story = STORY.flatMap((name) => details.stages.find(({ stage }) => stage === name) || []);
+  const others = details.stages.filter((one) => !story.includes(one));
   const shownColumns = block.columns.filter((column) => facade[column.name] !== undefined);
   return [
     element("h2", {}, `Facade ${id}`),
@@ -53,12 +55,11 @@ export async function facadePage(block, id, number, correct) {
     details.reason && facade.status === "failed" ? element("p", { class: "failed" }, `Failed: ${details.reason}`) : null,
     facade.status === "waiting" ? element("p", {}, "Not made yet.") : null,
     ...remedies(facade),
-    texture ? stageFigure(id, texture, details.snapshot, "texture") : null,
+    element("div", { class: "stages story" }, ...story.map((one) => stageFigure(id, one, details.snapshot, one.stage))),
+    story.some(({ stage }) => stage === "parse") ? legend(block.parse_colours) : null,
     facts(shownColumns.filter(({ common }) => common), facade),
     facade.changed === undefined ? null : changeMap(facade, details, block.changed_from),
-    element("h3", {}, "How it was made"),
-    element("div", { class: "stages" }, ...details.stages.filter((one) => one !== texture).map((one) => stageFigure(id, one, details.snapshot))),
-    details.stages.some(({ stage }) => stage === "parse") ? legend(block.parse_colours) : null,
+    others.length ? element("details", {}, element("summary", {}, "All steps"), element("div", { class: "stages" }, ...others.map((one) => stageFigure(id, one, details.snapshot)))) : null,
     element("details", {}, element("summary", {}, "All properties"), valuesTable(shownColumns, facade)),
     Object.keys(details.seconds).length
       ? element("p", {}, "Seconds: ", Object.entries(details.seconds).map(([name, value]) => `${name} ${value.toFixed(2)}`).join(", "))
@@ -92,7 +93,7 @@ function remedies(facade) {
 }
 
 // Parts of a street's page, whose slider is the third.
-export function streetPage(block, progress, street, step, redraw) {
+export function streetPage(block, progress, street, step, redraw, smallMap) {
   if (!block.viewpoints.length) return [element("h2", {}, "Streets"), element("p", {}, "This block has no viewpoints: no street sees a wall.")];
   const withViews = block.streets.map((_, i) => i).filter((i) => block.viewpoints.some((viewpoint) => viewpoint.street === i));
   if (!withViews.includes(street)) street = withViews[0];

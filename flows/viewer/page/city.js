@@ -1,5 +1,6 @@
 // The blocks of a city as the server lists them, and the maps of those that are looked at. One run is a city of one block.
 
+import { withEvidence } from "./columns.js";
 import { ask, blockBase } from "./elements.js";
 
 // Maps of blocks that are kept.
@@ -97,7 +98,7 @@ export class City {
     try {
       const shown = newest || published;
       const of = shown && state !== "running" ? `?of=${shown}` : "";
-      return await ask(`api/block${of}`, blockBase(number, this.single));
+      return withEvidence(await ask(`api/block${of}`, blockBase(number, this.single)));
     } finally {
       this.asked -= 1;
       this.waiting.shift()?.();

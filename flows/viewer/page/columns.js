@@ -1,11 +1,31 @@
 // Values of facades in words, and their colours: classes with round limits. The block's map has the columns with labels and units.
 
+import { legend } from "./elements.js";
+
 const UNITS = { metres: "m", seconds: "s", degrees: "°", bytes: "bytes" };
 // From low to high, readable with any colour vision.
 const SCALE = ["#440154", "#414487", "#2a788e", "#22a884", "#7ad151", "#d8c31a"];
 const GROUPS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8a6d00", "#56b4e9", "#5b3a8c", "#a03030"];
 export const STATUS = { done: "#1c7a43", failed: "#b3261e", stale: "#a9600a", waiting: "#8b949c" };
 const UNKNOWN = "#b9bfc4";
+// What a facade's texture rests on, from best to least known.
+const EVIDENCE = { photographed: "#1f6fb2", completed: "#58b7c8", "in a style": "#e0a030", assumed: "#a39b90" };
+const PHOTOGRAPHED = 0.5; // share of texels from pictures
+const FIXED = { status: STATUS, evidence: EVIDENCE };
+const EVIDENCE_COLUMN = { name: "evidence", label: "Evidence", type: "string", unit: "", words: {}, common: true,
+  meaning: "photographed (pictures show half of it or more), completed (they show less), in a style (an exemplar's), assumed (a back that nobody sees)" };
+
+export const evidenceColour = ({ evidence }) => EVIDENCE[evidence] || UNKNOWN;
+export const byEvidence = ({ evidence }) => [...Object.keys(EVIDENCE), undefined].indexOf(evidence); // the best known first
+export const evidenceLegend = () => legend(Object.entries(EVIDENCE).map(([text, colour]) => [colour, text]));
+
+// A block's map with the column `evidence`.
+export function withEvidence(block) {
+  for (const facade of block.facades) {
+    if (facade.status === "done") facade.evidence = facade.photo >= PHOTOGRAPHED ? "photographed" : facade.photo > 0 ? "completed" : facade.role === "back" ? "assumed" : "in a style";
+  }
+  return { ...block, columns: [EVIDENCE_COLUMN, ...block.columns] };
+}
 
 // What the words of `quality` mean, and what mends it.
 const suggested = ({ floors, levels, height_m }) =>
@@ -22,12 +42,8 @@ export const REMEDIES = {
 
 export const columnLabel = (name, columns) => columns.find((column) => column.name === name)?.label || "";
 
-// Columns by which facades may be coloured: [those that are common, the state first; the others].
-export function choices(columns) {
-  const common = columns.filter((column) => column.common);
-  const first = common.filter(({ name }) => name === "status");
-  return [[...first, ...common.filter(({ name }) => name !== "status")], columns.filter((column) => !column.common)];
-}
+// Columns by which facades may be coloured: [those that are common, the others].
+export const choices = (columns) => [true, false].map((common) => columns.filter((column) => Boolean(column.common) === common));
 
 // A value in words, with its unit.
 export function said(value, unit = "", words = {}) {
@@ -56,9 +72,9 @@ export function classLimits(low, high, whole, most = SCALE.length) {
 
 // How a column colours facades: {of(facade) -> colour, legend: [[colour, text]]}.
 export function colouring(name, facades, columns) {
-  if (name === "status") {
-    const there = new Set(facades.map(({ status }) => status));
-    return { of: (facade) => STATUS[facade.status] || UNKNOWN, legend: Object.entries(STATUS).filter(([text]) => there.has(text)).map(([text, colour]) => [colour, text]) };
+  if (FIXED[name]) {
+    const there = new Set(facades.map((facade) => facade[name]));
+    return { of: (facade) => FIXED[name][facade[name]] || UNKNOWN, legend: Object.entries(FIXED[name]).filter(([text]) => there.has(text)).map(([text, colour]) => [colour, text]) };
   }
   const column = columns.find((one) => one.name === name) || { type: "string", unit: "", words: {} };
   const values = facades.map((facade) => facade[name]).filter((value) => value !== undefined);

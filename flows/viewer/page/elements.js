@@ -34,17 +34,26 @@ export const openBase = () => open.base;
 export const openNumber = () => open.number;
 export const blockPage = (page) => `#/${open.prefix}${page}`;
 
+// A page without a server reads each answer from a file, whose folders are the values asked for: flows/viewer/static_page.py writes them.
+export const isStatic = document.querySelector("meta[name=static]") !== null;
+function filed(path, ending) {
+  if (!isStatic) return path;
+  const [name, query] = path.split("?");
+  const values = [...new URLSearchParams(query)].filter(([key]) => key !== "of" && key !== "height").map(([, value]) => encodeURIComponent(encodeURIComponent(value)));
+  return [name, ...values].join("/") + ending;
+}
+
 // What the server says: of the open block, or of the city where `base` is empty.
 export async function ask(path, base = open.base) {
-  const answer = await fetch(base + path);
+  const answer = await fetch(base + filed(path, ".json"));
   const said = await answer.json();
   if (!answer.ok) throw new Error(said.reason || answer.statusText);
   return said;
 }
 
-export const picture = (facade, stage, snapshot) =>
-  `${open.base}picture/facade?id=${encodeURIComponent(facade)}&stage=${encodeURIComponent(stage)}&of=${snapshot}`;
-export const pictureBefore = (facade, snapshot) => `${open.base}picture/before?id=${encodeURIComponent(facade)}&of=${snapshot}`;
+export const picture = (facade, stage, snapshot, height = null, base = open.base) =>
+  base + filed(`picture/facade?id=${encodeURIComponent(facade)}&stage=${encodeURIComponent(stage)}&of=${snapshot}${height ? `&height=${height}` : ""}`, ".webp");
+export const pictureBefore = (facade, snapshot) => open.base + filed(`picture/before?id=${encodeURIComponent(facade)}&of=${snapshot}`, ".webp");
 export const facadeAddress = (id) => blockPage(`facade/${encodeURIComponent(id)}`);
 
 export function legend(entries) {

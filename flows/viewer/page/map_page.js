@@ -1,21 +1,23 @@
 // The page with the map of all blocks: what colours facades, what is looked for, and the list of facades that are shown.
 
 import { STATES } from "./city.js";
-import { choices, colouring, columnLabel, said } from "./columns.js";
-import { element, legend } from "./elements.js";
-import { BlockMap, boxOf, unite } from "./map.js";
+import { byEvidence, choices, colouring, columnLabel, said } from "./columns.js";
+import { blockBase, element, legend, picture } from "./elements.js";
+import { boxOf, unite } from "./geometry.js";
+import { BlockMap } from "./map.js";
 
 const LISTED = 300;
+const THUMBNAIL_PX = 40;
 const TYPED_MS = 300;
 const AGAIN_MS = 10_000;
 
 export class MapPage {
   // open: called with (block number, facade id), to open its page; address: of that page.
   constructor(city, { open, address }) {
-    Object.assign(this, { city, address, column: "status", changedOnly: false, aim: null, wanted: [] });
+    Object.assign(this, { city, address, column: "evidence", changedOnly: false, aim: null, wanted: [] });
     this.scheme = { of: () => STATES.waiting[0], legend: [] };
     this.map = new BlockMap({
-      label: "Map of the blocks and their facades; the list names the facades. Arrows pan, plus and minus zoom, 0 shows all",
+      label: "Map of the blocks and their facades; the list names the facades. Arrows pan, plus and minus zoom, 0 shows all, Shift with arrows turns and tilts",
       choose: open, view: (numbers) => this.look(numbers), colour: (facade) => this.scheme.of(facade),
       strong: (index, number) => !this.changedOnly || this.changed(number, index),
     });
@@ -114,7 +116,7 @@ export class MapPage {
     const facades = this.maps().flatMap(([, block]) => block.facades);
     this.scheme = colouring(this.column, facades, this.columns);
     this.onlyLabel.hidden = !facades.some((facade) => facade.changed !== undefined);
-    this.map.recolour();
+    this.map.renew();
     this.refresh();
   }
 
@@ -150,14 +152,20 @@ export class MapPage {
     }
     const found = this.matching();
     if (this.changedOnly) found.sort((a, b) => b.facade.changed - a.facade.changed);
+    else if (this.column === "evidence") found.sort((a, b) => byEvidence(a.facade) - byEvidence(b.facade));
     const { unit, words } = this.columns.find(({ name }) => name === this.column) || {};
     const focused = this.rows.contains(document.activeElement) ? document.activeElement.getAttribute("href") : null;
-    this.rows.replaceChildren(...found.slice(0, LISTED).map(({ number, facade }) => element("tr", {},
-      element("td", {}, element("a", { href: this.address(number, facade.id) }, facade.id)), element("td", {}, facade.street),
+    this.rows.replaceChildren(...found.slice(0, LISTED).map(({ number, block, facade }) => element("tr", {},
+      element("td", {}, element("a", { href: this.address(number, facade.id) }, this.thumbnail(number, block, facade), facade.id)), element("td", {}, facade.street),
       element("td", { class: typeof facade[this.column] === "number" ? "number" : "" }, said(facade[this.column], unit, words)))));
     if (focused) [...this.rows.querySelectorAll("a")].find((link) => link.getAttribute("href") === focused)?.focus();
     const all = this.maps().reduce((sum, [, block]) => sum + block.facades.length, 0);
     this.count.textContent = `${found.length} of ${all} facades${this.city.single ? "" : " shown"}${found.length > LISTED ? `, the first ${LISTED} listed` : ""}`;
+  }
+
+  thumbnail(number, { snapshot }, { id, status }) {
+    if (status !== "done") return null;
+    return element("img", { class: "thumbnail", src: picture(id, "texture", snapshot, 2 * THUMBNAIL_PX, blockBase(number, this.city.single)), alt: "", loading: "lazy", height: THUMBNAIL_PX });
   }
 
   listBlocks() {
@@ -207,12 +215,6 @@ export class MapPage {
     this.aim = hit;
     if (hit.box.length) this.map.goTo(hit.box);
     this.markAim();
-  }
-
-  // The middle of what is shown, metres from the map's origin, y up.
-  middle() {
-    const { place } = this.map.plane;
-    return place ? [place.x, -place.y] : [0, 0];
   }
 
   // Box of a block on the map, y up; empty where its place is not known.

@@ -1,10 +1,18 @@
 // The blocks in 3D: a walk along their streets at eye height, and a bird's view. A frame is drawn only when something changes.
 
-import { LOOK_KEYS, FIELD, Viewer, WALK_KEYS } from "./camera.js";
-import { HAZE_M, Scene } from "./scene.js";
-import { Stream } from "./stream.js";
-import { Surroundings } from "./walking.js";
+import { MapControls, MathUtils, Raycaster, Vector2, Vector3 } from "./vendor/three.js";
+import { HAZE_M, SHADOW_M, Stage } from "./scene.js";
+import { Tiles } from "./tiles.js";
 
+const EYE_M = 1.7;
+const WALK_MS = 1.6; // metres a second; with Shift RUN times as fast
+const RUN = 4;
+const TURN_KEYS = 1.6; // radians a second
+const DRAG_TURN = 1.1; // radians for the width of the picture
+const FLIGHT_S = 0.9;
+const BIRD_PITCH = -0.62;
+const WALK_KEYS = { KeyW: [0, 1], ArrowUp: [0, 1], KeyS: [0, -1], ArrowDown: [0, -1], KeyA: [-1, 0], KeyD: [1, 0] };
+const LOOK_KEYS = { ArrowLeft: 1, ArrowRight: -1, KeyQ: 1, KeyE: -1 };
 const SELECT_MS = 150;
 const FAR_M = 8000;
 // Frames a second below which fewer pixels are drawn, and above which more are; the least share of the page's pixels.
@@ -14,71 +22,126 @@ const LEAST_SCALE = 0.35;
 // A pointer that moves less has clicked, pixels.
 const CLICK_PX = 6;
 
-// Show a city in a canvas, which says in its dataset where the viewer is and how it goes. start: {anchor, heading}; told: called with
-// words when what goes on changes; found: called with (block, [east, north, up]) of what was clicked.
-export function show(canvas, city, { anchor, heading }, { told, found }) {
-  const scene = new Scene(canvas);
-  const surroundings = new Surroundings();
-  const view = new View(canvas, scene);
-  const stream = new Stream(scene, surroundings, city, anchor, () => (view.dirty = true));
-  const viewer = new Viewer(surroundings, stream.box(), heading);
-  viewer.aspect = canvas.clientWidth / Math.max(1, canvas.clientHeight);
-  viewer.frame();
-  Object.assign(view, { stream, viewer, told });
-  const pick = (x, y) => {
-    const { place } = viewer.pose();
-    const hit = scene.at([x, y], stream.shown, viewer.pose(), viewer.halves(), view.far());
-    if (!hit) return;
-    const ray = direction(viewer, [x, y]);
-    const [east, up, south] = place.map((value, axis) => value + hit.away * ray[axis]);
-    found(hit.block, [east + anchor[0], anchor[1] - south, up + anchor[2]]);
-  };
-  listen(canvas, view, pick);
-  requestAnimationFrame((now) => view.frame(now));
-  return view;
-}
-
-// The direction of a place of the picture.
-function direction(viewer, [x, y]) {
-  const { yaw, pitch } = viewer.pose();
-  const { wide, tall } = viewer.halves();
-  const [flat, ahead] = [[Math.cos(yaw), 0, Math.sin(yaw)], [Math.sin(yaw) * Math.cos(pitch), Math.sin(pitch), -Math.cos(yaw) * Math.cos(pitch)]];
-  const up = [flat[1] * ahead[2] - flat[2] * ahead[1], flat[2] * ahead[0] - flat[0] * ahead[2], flat[0] * ahead[1] - flat[1] * ahead[0]];
-  const ray = ahead.map((value, axis) => value + x * wide * flat[axis] + y * tall * up[axis]);
-  const length = Math.hypot(...ray);
-  return ray.map((value) => value / length);
-}
-
-class View {
-  constructor(canvas, scene) {
-    Object.assign(this, { canvas, scene, held: new Set(), dirty: true, before: performance.now(), selected: 0, scale: scene.bySoftware ? 0.6 : 1, fps: 0, drawn: 0 });
-    new ResizeObserver(() => (this.dirty = true)).observe(canvas);
+export class View {
+  // Shows a city in a canvas, which says in its dataset where the viewer is and how it goes. start: {anchor, heading}; told: called with
+  // words when what goes on changes; found: called with (block, [east, north, up]) of what was clicked.
+  constructor(canvas, city, { anchor, heading }, { told, found }) {
+    const stage = new Stage(canvas);
+    Object.assign(this, { canvas, stage, anchor, told, found, held: new Set(), dirty: true, before: performance.now(), selected: 0, scale: stage.bySoftware ? 0.6 : 1, fps: 0, drawn: 0 });
+    this.tiles = new Tiles(stage, city, anchor, () => (this.dirty = true));
+    this.feet = new Vector3();
+    this.stands = false; // on ground that is loaded
+    this.bird = heading === null;
+    this.flown = this.bird ? 1 : 0; // share of the way from the street to the bird's place
+    [this.yaw, this.pitch] = [MathUtils.degToRad(-(heading || 0)), 0.06];
+    this.above = stage.camera.clone(); // the bird
+    this.controls = Object.assign(new MapControls(this.above, canvas), { enabled: this.bird, minDistance: 15, maxPolarAngle: 1.5, zoomSpeed: 1.5 });
+    this.controls.addEventListener("change", () => (this.dirty = true));
+    this.resize();
+    this.frameAll(this.yaw);
+    new ResizeObserver(() => this.resize()).observe(canvas);
+    this.listen();
+    requestAnimationFrame((now) => this.frame(now));
   }
 
-  far() {
-    return Math.max(FAR_M, 3 * this.viewer.over.distance + 2 * this.viewer.reach);
+  resize() {
+    const { clientWidth, clientHeight } = this.canvas;
+    this.stage.resize(clientWidth, clientHeight, Math.max(FAR_M, 3 * this.controls.getDistance()));
+    this.dirty = true;
+  }
+
+  // Stand somewhere else.
+  place(x, y, z, heading = null) {
+    this.feet.set(x, y, z);
+    this.stands = false;
+    if (heading !== null) this.yaw = MathUtils.degToRad(-heading);
+    this.dirty = true;
+  }
+
+  // Take the bird where all that there is fills the picture.
+  frameAll(yaw) {
+    const { above, controls, stage: { camera } } = this;
+    const box = this.tiles.box();
+    box.getCenter(controls.target).setY(box.min.y);
+    above.rotation.set(BIRD_PITCH, yaw, 0);
+    above.updateMatrixWorld();
+    const back = new Vector3(0, 0, 1).applyQuaternion(above.quaternion);
+    const tall = Math.tan(MathUtils.degToRad(camera.fov / 2));
+    let distance = 20;
+    for (let k = 0; k < 8; k++) {
+      const corner = new Vector3(...["x", "y", "z"].map((axis, i) => box[(k >> i) & 1 ? "max" : "min"][axis])).sub(controls.target).applyQuaternion(above.quaternion.clone().invert());
+      distance = Math.max(distance, Math.abs(corner.x) / (0.92 * tall * camera.aspect) + corner.z, Math.abs(corner.y) / (0.92 * tall) + corner.z);
+    }
+    above.position.copy(controls.target).addScaledVector(back, distance);
+    controls.maxDistance = 6 * distance;
+    controls.update();
+  }
+
+  fly() {
+    this.bird = !this.bird;
+    this.controls.enabled = this.bird;
+    if (this.bird) this.frameAll(this.yaw);
+    this.dirty = true;
+  }
+
+  // Whether something moved, while keys were held for some seconds.
+  move(seconds) {
+    const flown = MathUtils.clamp(this.flown + ((this.bird ? 1 : -1) * seconds) / FLIGHT_S, 0, 1);
+    if (flown !== this.flown) {
+      this.flown = flown;
+      return true;
+    }
+    const pressed = (keys) => Object.entries(keys).filter(([key]) => this.held.has(key)).map(([, value]) => value);
+    const turn = TURN_KEYS * seconds * pressed(LOOK_KEYS).reduce((sum, value) => sum + value, 0);
+    const step = pressed(WALK_KEYS).reduce((sum, [x, y]) => sum.add(new Vector2(x, y)), new Vector2());
+    const landed = !this.bird && !this.stands && this.land();
+    if (turn && this.bird) this.above.position.sub(this.controls.target).applyAxisAngle(this.above.up, turn).add(this.controls.target);
+    else this.yaw += turn;
+    if (!step.lengthSq()) return turn !== 0 || landed;
+    const fast = this.held.has("ShiftLeft") || this.held.has("ShiftRight") ? RUN : 1;
+    const yaw = this.bird ? this.controls.getAzimuthalAngle() : this.yaw;
+    step.setLength(seconds * fast * (this.bird ? 0.4 * this.controls.getDistance() : WALK_MS)).rotateAround(new Vector2(), yaw);
+    if (this.bird) for (const point of [this.above.position, this.controls.target]) point.add(new Vector3(step.x, 0, -step.y));
+    else if (this.stands) this.tiles.walk(this.feet, step.x, -step.y);
+    return true;
+  }
+
+  // Come to stand once there is ground under the walk's beginning.
+  land() {
+    const ground = this.tiles.ground(this.feet.x, this.feet.z, this.feet.y + 1);
+    if (ground !== null) this.feet.y = ground;
+    return (this.stands = ground !== null);
+  }
+
+  // The camera between street and bird's place.
+  aim() {
+    const { stage: { camera }, above, flown } = this;
+    if (this.bird) this.controls.update();
+    camera.position.set(this.feet.x, this.feet.y + EYE_M, this.feet.z);
+    camera.rotation.set(this.pitch, this.yaw, 0);
+    const share = flown * flown * (3 - 2 * flown);
+    camera.position.lerp(above.position, share);
+    camera.quaternion.slerp(above.quaternion, share);
+    camera.updateMatrixWorld();
   }
 
   frame(now) {
     if (!this.canvas.isConnected) {
-      this.scene.close();
+      this.tiles.close();
+      this.controls.dispose();
+      this.stage.close();
       return;
     }
     const seconds = Math.min(0.1, (now - this.before) / 1000);
     const continued = this.moving;
-    const { viewer, stream } = this;
-    viewer.aspect = this.canvas.clientWidth / Math.max(1, this.canvas.clientHeight);
-    this.moving = viewer.move(this.held, seconds) || this.dirty;
+    this.moving = this.move(seconds) || this.dirty;
     if (this.moving && continued) this.measure(now - this.before);
     this.before = now;
-    if (this.moving || now - this.selected > 4 * SELECT_MS) {
-      if (now - this.selected > SELECT_MS) {
-        this.selected = now;
-        const before = String(stream.shown.map(({ address, level }) => `${address} ${level}`));
-        stream.select(viewer.pose(), viewer.halves(), this.canvas.clientHeight * Math.min(2, devicePixelRatio || 1));
-        if (String(stream.shown.map(({ address, level }) => `${address} ${level}`)) !== before) this.moving = true;
-        viewer.setBox(stream.box());
-      }
+    if (this.moving) this.aim();
+    this.stale = this.stale || this.moving; // what is chosen to be drawn may not fit the place
+    if (this.stale && now - this.selected > SELECT_MS) {
+      Object.assign(this, { stale: false, selected: now });
+      this.tiles.select(this.bird ? this.stage.camera.position : this.feet, this.canvas.clientHeight * Math.min(2, devicePixelRatio || 1));
     }
     // at rest, all pixels are drawn once
     const rests = !this.moving && this.coarse;
@@ -91,9 +154,10 @@ class View {
     this.dirty = false;
     this.coarse = !rests && this.scale < 1;
     this.drawn += 1;
-    const haze = Math.max(HAZE_M, 2 * this.viewer.over.distance * this.viewer.flown);
-    const scale = Math.min(2, devicePixelRatio || 1) * (rests ? 1 : this.scale);
-    this.scene.draw(this.stream.shown, this.viewer.pose(), this.viewer.halves(), { scale, haze, far: this.far() });
+    const [around, reach] = this.bird ? [this.controls.target, 2 ** Math.ceil(Math.log2(this.controls.getDistance()))] : [this.feet, SHADOW_M];
+    this.stage.castShadows(around, reach, this.tiles.renewed);
+    this.tiles.renewed = false;
+    this.stage.draw(Math.min(2, devicePixelRatio || 1) * (rests ? 1 : this.scale), Math.max(HAZE_M, 2 * this.controls.getDistance() * this.flown));
   }
 
   // Frames a second while something moves, and fewer pixels where they are few.
@@ -104,59 +168,69 @@ class View {
   }
 
   say() {
-    const { stream } = this;
-    const figures = { fps: this.fps.toFixed(1), drawn: this.drawn, bytes: Math.round(stream.bytes), limit: stream.limit, models: stream.shown.length, missing: stream.missing, coming: stream.coming };
-    Object.assign(this.canvas.dataset, this.viewer.said(), figures);
-    const listed = [...stream.blocks.values()].some(({ asked }) => asked);
-    this.told(stream.failed || (stream.missing || listed ? `Loading: ${stream.missing} models` : ""), `${this.fps ? `${this.fps.toFixed(0)} frames a second, ` : ""}${(stream.bytes / 1e6).toFixed(0)} of ${stream.limit / 1e6} MB`);
+    const { position: { x, y, z }, rotation } = this.stage.camera;
+    const figures = this.tiles.figures();
+    const texts = { x, y, z, yaw: -rotation.y, pitch: rotation.x, overGround: y - this.feet.y };
+    Object.assign(this.canvas.dataset, Object.fromEntries(Object.entries(texts).map(([name, value]) => [name, value.toFixed(3)])), figures,
+      { mode: this.bird ? "bird" : "street", stands: String(this.stands), fps: this.fps.toFixed(1), drawn: this.drawn });
+    this.told(this.tiles.failed || (figures.missing ? `Loading: ${figures.missing} models` : ""), `${this.fps ? `${this.fps.toFixed(0)} frames a second, ` : ""}${(figures.bytes / 1e6).toFixed(0)} of ${figures.limit / 1e6} MB`);
   }
-}
 
-function listen(canvas, view, pick) {
-  const { viewer, held } = view;
-  const touches = new Map();
-  let click = null;
-  canvas.addEventListener("pointerdown", (event) => {
-    canvas.focus();
-    canvas.setPointerCapture(event.pointerId);
-    touches.set(event.pointerId, [event.clientX, event.clientY]);
-    click = touches.size === 1 && event.button === 0 ? [event.clientX, event.clientY] : null;
-  });
-  canvas.addEventListener("pointermove", (event) => {
-    if (!touches.has(event.pointerId)) return;
-    const [x, y] = touches.get(event.pointerId);
-    if (click && Math.hypot(event.clientX - click[0], event.clientY - click[1]) > CLICK_PX) click = null;
-    const apart = () => { const [a, b] = [...touches.values()]; return Math.hypot(a[0] - b[0], a[1] - b[1]); };
-    const before = touches.size === 2 ? apart() : 0;
-    touches.set(event.pointerId, [event.clientX, event.clientY]);
-    const turn = (FIELD * Math.PI) / 180 / canvas.clientWidth;
-    if (touches.size === 1 && !click) viewer.look(-turn * (event.clientX - x), turn * (event.clientY - y));
-    else if (touches.size === 2 && Math.abs(apart() - before) > 0.5) viewer.nearer(before / apart());
-    view.dirty = true;
-  });
-  canvas.addEventListener("pointerup", (event) => {
-    touches.delete(event.pointerId);
-    if (!click) return;
-    click = null;
-    const { left, top, width, height } = canvas.getBoundingClientRect();
-    pick((2 * (event.clientX - left)) / width - 1, 1 - (2 * (event.clientY - top)) / height);
-  });
-  canvas.addEventListener("pointercancel", (event) => touches.delete(event.pointerId));
-  canvas.addEventListener("wheel", (event) => { event.preventDefault(); viewer.nearer(event.deltaY > 0 ? 1.12 : 1 / 1.12); view.dirty = true; }, { passive: false });
-  canvas.addEventListener("blur", () => held.clear());
-  canvas.addEventListener("keyup", (event) => held.delete(event.code));
-  canvas.addEventListener("keydown", (event) => {
-    if (event.ctrlKey || event.altKey || event.metaKey) return;
-    if (event.code === "KeyB" && !event.repeat) viewer.fly();
-    else if (event.code === "Enter") pick(0, 0);
-    else if (event.code in WALK_KEYS || event.code in LOOK_KEYS || event.code.startsWith("Shift")) held.add(event.code);
-    else return;
-    view.dirty = true;
-    event.preventDefault();
-  });
-  // buttons for fingers walk as long as they are held
-  for (const button of canvas.parentElement.querySelectorAll("button[data-key]")) {
-    button.addEventListener("pointerdown", () => held.add(button.dataset.key));
-    for (const end of ["pointerup", "pointerleave", "pointercancel"]) button.addEventListener(end, () => held.delete(button.dataset.key));
+  // Ask for what is at [x, y] of the picture, from -1 to 1 and up.
+  pick(x, y) {
+    const ray = new Raycaster();
+    ray.setFromCamera(new Vector2(x, y), this.stage.camera);
+    const hit = this.tiles.hit(ray.ray.origin, ray.ray.direction);
+    if (hit) this.found(hit.block, [hit.point.x + this.anchor[0], this.anchor[1] - hit.point.z, hit.point.y + this.anchor[2]]);
+  }
+
+  listen() {
+    const { canvas, held } = this;
+    let [click, last] = [null, null];
+    canvas.addEventListener("pointerdown", (event) => {
+      canvas.focus();
+      click = event.isPrimary && event.button === 0 ? [event.clientX, event.clientY] : null;
+      last = click;
+      if (!this.bird) canvas.setPointerCapture(event.pointerId);
+    });
+    canvas.addEventListener("pointermove", (event) => {
+      if (!last || !event.isPrimary) return;
+      if (click && Math.hypot(event.clientX - click[0], event.clientY - click[1]) > CLICK_PX) click = null;
+      const turn = DRAG_TURN / canvas.clientWidth;
+      if (!this.bird && !click) {
+        this.yaw += turn * (event.clientX - last[0]);
+        this.pitch = MathUtils.clamp(this.pitch + turn * (event.clientY - last[1]), -1.4, 1.4);
+        this.dirty = true;
+      }
+      last = [event.clientX, event.clientY];
+    });
+    for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, (event) => {
+      const { left, top, width, height } = canvas.getBoundingClientRect();
+      if (click && event.type === "pointerup") this.pick((2 * (event.clientX - left)) / width - 1, 1 - (2 * (event.clientY - top)) / height);
+      [click, last] = [null, null];
+    });
+    canvas.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      if (this.bird || !this.stands) return;
+      const metres = event.deltaY > 0 ? -1 : 1;
+      this.tiles.walk(this.feet, -metres * Math.sin(this.yaw), -metres * Math.cos(this.yaw));
+      this.dirty = true;
+    }, { passive: false });
+    canvas.addEventListener("blur", () => held.clear());
+    canvas.addEventListener("keyup", (event) => held.delete(event.code));
+    canvas.addEventListener("keydown", (event) => {
+      if (event.ctrlKey || event.altKey || event.metaKey) return;
+      if (event.code === "KeyB" && !event.repeat) this.fly();
+      else if (event.code === "Enter") this.pick(0, 0);
+      else if (event.code in WALK_KEYS || event.code in LOOK_KEYS || event.code.startsWith("Shift")) held.add(event.code);
+      else return;
+      this.dirty = true;
+      event.preventDefault();
+    });
+    // buttons for fingers walk as long as they are held
+    for (const button of canvas.parentElement.querySelectorAll("button[data-key]")) {
+      button.addEventListener("pointerdown", () => held.add(button.dataset.key));
+      for (const end of ["pointerup", "pointerleave", "pointercancel"]) button.addEventListener(end, () => held.delete(button.dataset.key));
+    }
   }
 }

@@ -1,10 +1,10 @@
 // The viewer's page. Addresses: #/map, #/map/BLOCK, #/map/BLOCK/ID, #/model, #/model/BLOCK/ID, #/blocks; of a block, with #/block/BLOCK/ before them
-// where there are several: review, facade/ID, street/NUMBER/STEP, run; for who corrects edit/ID and photos/NAME.
+// where there are several: elevations, review, facade/ID, street/NUMBER/STEP, run; for who corrects edit/ID and photos/NAME.
 
-import { ask, blockBase, blockPage, element, facadeAddress, openBlock, openNumber } from "./elements.js";
+import { ask, blockBase, blockPage, element, facadeAddress, isStatic, openBlock, openNumber } from "./elements.js";
 import { blocksPage, facadePage, fate, reviewPage, runPage, streetPage } from "./block_pages.js";
 import { City } from "./city.js";
-import { MapPage } from "./map_page.js";
+import { elevationsPage } from "./elevations.js";
 
 const main = document.getElementById("main");
 const state = document.getElementById("state");
@@ -12,13 +12,14 @@ const LOOK_AGAIN_MS = 2000;
 const OF_CITY = ["map", "model", "blocks", "token", ""];
 
 const city = new City();
-let mapPage = null;
+let mapPage = null; // once it was looked at: its engine is large
 let model = null; // the view of the 3D page
 let block = null; // map of the open block
 let progress = null; // what its /api/progress said last
 let shown = ""; // the address that is drawn
 const correctors = new Map(); // block -> who corrects it, for who may
 let token = null;
+let begun = false; // the list of blocks was read
 let timer = 0;
 
 const fill = (...parts) => main.replaceChildren(...parts.filter((part) => part !== null));
@@ -36,17 +37,18 @@ function drawNavigation({ page }) {
   const link = (href, text, names) => element("a", { href, "aria-current": names.includes(page) ? "page" : null }, text);
   const ofBlock = city.single || block;
   const review = link(blockPage("review"), "To look at", ["review", "edit"]);
-  const streets = link(blockPage("street"), "Streets", ["street"]);
+  const streets = isStatic ? "" : link(blockPage("street"), "Streets", ["street"]); // its pictures are drawn when they are asked for
+  const elevations = link(blockPage("elevations"), "Elevations", ["elevations"]);
   const run = link(blockPage("run"), "Run", ["run"]);
   const facade = city.single ? ["facade"] : [];
   const parts = [link("#/map", "Map", ["map", ...facade]), link("#/model", "3D", ["model"])];
   const photos = corrector()?.photos ? [link(blockPage("photos"), "Photos", ["photos"])] : [];
-  if (city.single) parts.splice(1, 0, review, streets);
+  if (city.single) parts.splice(1, 0, elevations, review, streets);
   else parts.push(link("#/blocks", "Blocks", ["blocks"]));
   document.getElementById("pages").replaceChildren(...parts, ...(city.single ? [run, ...photos] : []));
   const own = document.getElementById("block-pages");
   own.hidden = city.single || !ofBlock;
-  if (!own.hidden) own.replaceChildren(element("span", {}, city.called(openNumber())), review, streets, run);
+  if (!own.hidden) own.replaceChildren(element("span", {}, city.called(openNumber())), elevations, review, streets, run);
 }
 
 // The open block is another one from now on.
@@ -73,13 +75,19 @@ async function openCorrector(number) {
 }
 
 async function drawMap([number, id]) {
+  const { MapPage } = await import("./map_page.js");
+  if (!mapPage) {
+    mapPage = new MapPage(city, { open: (number, id) => (location.hash = addressOf(number, id)), address: addressOf });
+    mapPage.update();
+  }
   fill(mapPage.element);
   if (id !== undefined) await mapPage.goToFacade(Number(number), id);
   else if (number !== undefined) mapPage.goTo({ kind: "block", id: number, blocks: [Number(number)], box: mapPage.boxOfBlock(Number(number)) });
 }
 
-function drawStreet(street, step) {
-  const parts = streetPage(block, progress, street, step, () => draw());
+async function drawStreet(street, step) {
+  const { smallMap } = await import("./map.js");
+  const parts = streetPage(block, progress, street, step, () => draw(), smallMap);
   const kept = document.getElementById("step");
   if (kept && document.activeElement === kept && parts[2] && kept.max === String(parts[2].max)) {
     // the slider stays, so that it keeps the focus and what the finger holds
@@ -91,7 +99,7 @@ function drawStreet(street, step) {
 
 async function drawModel([number, id]) {
   const { modelPage } = await import("./model_page.js");
-  model = await modelPage(city, mapPage.middle(), id === undefined ? null : [Number(number), id], fill, (number, id) => (location.hash = addressOf(number, id)));
+  model = await modelPage(city, mapPage?.map.middle() ?? [0, 0], id === undefined ? null : [Number(number), id], fill, (number, id) => (location.hash = addressOf(number, id)));
 }
 
 const addressOf = (number, id) => (city.single ? facadeAddress(id) : `#/block/${number}/facade/${encodeURIComponent(id)}`);
@@ -108,7 +116,8 @@ async function draw(again = false) {
     drawNavigation(place);
     const { page, rest } = place;
     if (page === "facade") fill(...(await facadePage(block, rest[0], openNumber(), correct)));
-    else if (page === "street") drawStreet(Number(rest[0] || 0), Number(rest[1] || 0));
+    else if (page === "street") await drawStreet(Number(rest[0] || 0), Number(rest[1] || 0));
+    else if (page === "elevations") fill(...elevationsPage(block, Number(rest[0]) || undefined));
     else if (page === "run") fill(...runPage(block, progress));
     else if (page === "review") fill(...reviewPage(block, correct));
     else if (page === "edit" && corrector()) await corrector().draw(block, rest[0], fill);
@@ -131,21 +140,19 @@ const calm = () => !["map", "model", "photos", "edit"].includes(parse(shown).pag
 
 const later = (after) => {
   clearTimeout(timer);
-  timer = setTimeout(follow, after);
+  if (!isStatic) timer = setTimeout(follow, after);
 };
 
 // Read anew what goes on: the list of blocks, and of the open one its progress and its map.
 async function follow() {
   try {
     const changed = await city.refresh();
-    if (!mapPage) {
-      openBlock(0, city.single);
-      mapPage = new MapPage(city, { open: (number, id) => (location.hash = addressOf(number, id)), address: addressOf });
-    }
+    if (!begun) openBlock(0, city.single);
+    begun = true;
     const blockChanged = await followBlock();
-    if (changed) model?.stream.update();
-    if (changed || blockChanged) mapPage.update();
-    else mapPage.fetchMaps();
+    if (changed) model?.tiles.update();
+    if (changed || blockChanged) mapPage?.update();
+    else mapPage?.fetchMaps();
     // a run opens with the photos that are to be decided, or with what is to be looked at
     if (byToken && !shown) history.replaceState(null, "", !city.single ? "#/map" : corrector()?.photos ? "#/photos" : "#/review");
     document.title = `${city.said.name} · Streetloom`;
@@ -189,7 +196,7 @@ function cityNews() {
   return parts.join(", ");
 }
 
-addEventListener("hashchange", () => mapPage && draw());
+addEventListener("hashchange", () => begun && draw());
 addEventListener("keydown", (event) => {
   if (!block || event.target.closest("input, select, textarea, .map") || event.ctrlKey || event.altKey || event.metaKey) return;
   const by = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
