@@ -225,7 +225,8 @@ def choose_exemplar_floors(
         if best is None or strain < best[0] - 1e-9:
             best = strain, floor_indices, scale
     if best is None:  # fewer floors than the ground band has
-        floor_indices = [g for g in ground if g >= 0] or [int(middle[-1])]
+        has_shop = bool((style.labels[exemplar.ground_top :] == FacadeClass.SHOP).any())
+        floor_indices = [int(g) for g in ground if g >= 0 or has_shop] or [int(middle[-1])]
         best = 0.0, floor_indices, height / float(sizes[floor_indices].sum())
     return best[1], float(np.clip(best[2], 0.4, 2.5))
 
@@ -242,7 +243,7 @@ def initial_tiling(
     walks = {}
     for band, price in style.bay_price.items():
         if band == "ground" and style.doors.any():
-            houses = max(1, round(count / bays))  # of the exemplar's width, with one door each
+            houses = max(1, count // bays)  # of the exemplar's width, with one door each
             walks[band] = cheapest_walk(price * shake, *ends, count, marked=style.doors, max_marked=houses)
         else:
             walks[band] = cheapest_walk(price * shake, *ends, count)
