@@ -60,8 +60,10 @@ def transplant_ground_floor(
         ground = compose_units(source, units, arranged, borders, width, metres_per_pixel[::-1])
     else:
         ground = np.zeros((height, width, 3), np.uint8), np.zeros((height, width), np.uint8)
+        doors = [(source[1][:, a:b] == FacadeClass.DOOR).sum() for a, b in pairwise(other.bay_cuts)]
+        first = max(0, int(np.argmax(doors)) + 1 - len(own.bays))  # fewer bays keep the door
         for number, (left, right) in enumerate(pairwise(own.bay_cuts)):
-            bay = number % len(other.bays)
+            bay = (first + number) % len(other.bays)
             part = slice(*other.bay_cuts[bay : bay + 2])
             _paste((ground[0][:, left:right], ground[1][:, left:right]), (source[0][:, part], source[1][:, part]))
     above = slice(0, own.ground_top)

@@ -243,8 +243,10 @@ def initial_tiling(
     walks = {}
     for band, price in style.bay_price.items():
         if band == "ground" and style.doors.any():
-            houses = max(1, count // bays)  # of the exemplar's width, with one door each
-            walks[band] = cheapest_walk(price * shake, *ends, count, marked=style.doors, max_marked=houses)
+            # of the exemplar's width, with one door each
+            houses = max(1, count // max(bays, RETARGETING.min_house_bays))
+            apart = price * shake + np.diag(style.doors)  # no door is beside itself
+            walks[band] = cheapest_walk(apart, *ends, count, marked=style.doors, max_marked=houses)
         else:
             walks[band] = cheapest_walk(price * shake, *ends, count)
     if blank:

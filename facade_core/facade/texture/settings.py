@@ -371,6 +371,7 @@ class RetargetingSettings:
     eaves_price : price of showing the top floor, which has the eaves, below another.
     pier_stretch : range of a pier's stretch before its windows change.
     window_stretch : range of a window's stretch beyond which its piers change alone.
+    min_house_bays : fewest bays of a house among others in a front; each has one door.
     cut_reach_px : pixels on either side of a cut that are compared.
     jump_price : price of any jump, in mean absolute colour difference (0-1).
     repeat_price : price of showing a part twice in a row.
@@ -383,6 +384,7 @@ class RetargetingSettings:
     eaves_price: float = 2.0
     pier_stretch: tuple[float, float] = (0.45, 1.8)
     window_stretch: tuple[float, float] = (0.9, 1.1)
+    min_house_bays: int = 4
     cut_reach_px: int = 4
     jump_price: float = 0.03
     repeat_price: float = 0.02

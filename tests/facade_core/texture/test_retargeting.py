@@ -197,3 +197,4 @@ def test_a_wide_wall_has_a_door_for_each_house_of_the_exemplars_width(facade):
         ground = initial_tiling(style, [0, lowest], houses * bays, False, rng, 0.0)[-1]
         shown = (ground % (len(style.grid.columns) - 1))[::3] // 3
         assert 1 <= style.doors[shown].sum() <= houses
+        assert not (style.doors[shown][1:] & style.doors[shown][:-1]).any()
