@@ -106,7 +106,8 @@ def compose_wall(
     tiles = (source[0] * (wide + 2) + source[1]).astype(np.int32)
     image, labels = compose_tiles(style.image, style.labels, lattice, tiles, rows, columns, pixel / metres_per_pixel)
     if stack[0].attic > 0 and is_level(wall):
-        _paint_coping(image, pixel)
+        coping = image[: max(1, round(FLOORS.coping_m / pixel))]
+        coping[:] = FLOORS.coping_light * coping
     if wall.is_corner and shows_ground_floor(style, stack[-1]):
         paint_corner_shop(style, image, labels, int(rows[ground.start]), scale, pixel)
     if is_front:
@@ -161,9 +162,9 @@ def _fit_bays(widths: Float64Array, counts: Sequence[int], ends: Sequence[float]
     split = np.split(widths, 3 * np.cumsum(counts)[:-1])
     fitted = []
     for own, (left, right) in zip(split, pairwise(ends), strict=True):
-        piers = np.full(2, own[[0, 2]].mean()) if len(own) == 3 else own[[0, -1]]  # a lone window is in the middle
-        sizes = np.concatenate([piers[:1], own[1:-1], piers[1:]])
-        fitted.append(fit_sizes_to_total(sizes, np.tile([True, False, True], len(own) // 3), right - left))
+        if len(own) == 3:  # a lone window is in the middle
+            own[[0, 2]] = own[[0, 2]].mean()
+        fitted.append(fit_sizes_to_total(own, np.tile([True, False, True], len(own) // 3), right - left))
     return np.append(0.0, np.cumsum(np.concatenate(fitted)))
 
 
@@ -198,15 +199,6 @@ def _insert_bare_rows(stack: list[WallFloor], source: Int32Array, bare: Int64Arr
     return whole
 
 
-def _paint_coping(image: UInt8Array, pixel: float) -> None:
-    """Darken the top of a plain wall like a coping of metal, with its shadow below, in place."""
-    top = 0
-    for height, light in zip(FLOORS.coping_m, FLOORS.coping_light, strict=True):
-        rows = slice(top, top + max(1, round(height / pixel)))
-        image[rows] = image[rows] * light
-        top = rows.stop
-
-
 def _blank_ground(style: ExemplarAnalysis, wall_floor: WallFloor, source: Int32Array, plain: int) -> None:
     """Replace the lowest floor by bare wall, from the exemplar's ground floor if that has any.
 
@@ -233,9 +225,8 @@ def _divide_into_bays(style: ExemplarAnalysis, wall: FacadeWall, scale: float) -
     counts = [max(1, round((right - left) / bay)) for left, right in pairwise(ends)]
     if wall.on_street:
         narrow = RETARGETING.window_stretch[0] * window + RETARGETING.pier_stretch[0] * max(bay - window, 0.0)
-        for k, (left, right) in enumerate(pairwise(ends)):
-            wanted = math.ceil((right - left) / (window + BAYS.max_pier_m))
-            counts[k] = max(counts[k], min(wanted, int((right - left) / narrow)))
+        for k, wide in enumerate(np.diff(ends).tolist()):
+            counts[k] = max(counts[k], min(math.ceil(wide / (window + BAYS.max_pier_m)), int(wide / narrow)))
         if counts == [1] and wall.floors == 1 and wall.width >= 2 * (least + 2 * BAYS.window_margin_m):
             counts = [2]  # the door of a low house has a window beside it
     return ends, counts
@@ -243,11 +234,8 @@ def _divide_into_bays(style: ExemplarAnalysis, wall: FacadeWall, scale: float) -
 
 def _wall_sections(wall: FacadeWall, bay: float) -> list[float]:
     """Return the ends of a wall, and the seams and steps of its free part with room for whole bays between them, metres."""
-    rings = [shapely.get_coordinates(part.exterior) for part in shapely.get_parts(wall.free)]
-    edges = [edge for ring in rings for edge in pairwise(ring.tolist())]
-    steps = [
-        a[0] for a, b in edges if abs(a[0] - b[0]) < BAYS.window_margin_m and abs(a[1] - b[1]) > FLOORS.min_floor_m
-    ]
+    edges = [edge for part in shapely.get_parts(wall.free) for edge in pairwise(part.exterior.coords)]
+    steps = [x for (x, y), (u, v) in edges if abs(x - u) < BAYS.window_margin_m and abs(y - v) > FLOORS.min_floor_m]
     ends = [0.0]
     for seam in sorted([*wall.seams, *steps]):
         if min(seam - ends[-1], wall.width - seam) >= BAYS.min_section_bays * bay:

@@ -225,8 +225,7 @@ def choose_exemplar_floors(
         if best is None or strain < best[0] - 1e-9:
             best = strain, floor_indices, scale
     if best is None:  # fewer floors than the ground band has
-        has_shop = bool((style.labels[exemplar.ground_top :] == FacadeClass.SHOP).any())
-        floor_indices = [int(g) for g in ground if g >= 0 or has_shop] or [int(middle[-1])]
+        floor_indices = [int(g) for g in ground] or [int(middle[-1])]
         best = 0.0, floor_indices, height / float(sizes[floor_indices].sum())
     return best[1], float(np.clip(best[2], 0.4, 2.5))
 

@@ -53,12 +53,9 @@ class FloorSettings:
     eaves_tolerance_m : largest distance of a wall's top from the eaves, metres, at which it shows the exemplar's crown.
     level_top_m : largest distance from its top, metres, at which a wall begins to be free of neighbours along all its
         width.
-    max_crowned_rest_m : largest height of bare wall below the highest windows of such a wall with a cornice, metres.
     max_floor_stretch : largest stretch of a floor over the exemplar's; beyond it the rest is bare wall.
     max_window_stretch : largest stretch of its windows.
-    coping_m : heights of the coping of a plain top and of its shadow, metres.
-    coping_light : their light relative to the wall.
-    min_bare_m : least height of bare wall, metres; less is taken by the floor.
+    coping_m, coping_light : height of the coping of a plain top, metres, and its light relative to the wall.
     max_ground_floor_m : greatest height of a ground floor, metres.
     max_window_share, max_window_loss : largest share of a floor that its windows take, unless they would lose more of their
         height than `max_window_loss`, a share of it.
@@ -69,12 +66,10 @@ class FloorSettings:
     max_shown_storey_m: float = 3.1
     eaves_tolerance_m: float = 0.3
     level_top_m: float = 0.3
-    max_crowned_rest_m: float = 1.5
     max_floor_stretch: float = 1.25
     max_window_stretch: float = 1.1
-    coping_m: tuple[float, float] = (0.12, 0.08)
-    coping_light: tuple[float, float] = (0.6, 0.8)
-    min_bare_m: float = 0.3
+    coping_m: float = 0.12
+    coping_light: float = 0.6
     max_ground_floor_m: float = 6.0
     max_window_share: float = 0.75
     max_window_loss: float = 0.1

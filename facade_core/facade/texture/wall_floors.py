@@ -112,9 +112,8 @@ def stack_floors(style: ExemplarAnalysis, wall: FacadeWall, metres_per_pixel: fl
     """
     pixels, count = round(wall.eaves / metres_per_pixel), limit_floor_count(wall.floors, wall.eaves)
     own, heights, scale = _exemplar_floors(style, pixels, count)
-    is_storey = np.array(style.structure.kinds) != "roof"
-    least = float(np.diff(style.structure.floor_cuts)[: len(is_storey)][is_storey].min())
-    scale = min(scale * metres_per_pixel, FLOORS.max_shown_storey_m / least)
+    storeys = np.diff(style.structure.floor_cuts)[np.array(style.structure.kinds) != "roof"]
+    scale = min(scale * metres_per_pixel, FLOORS.max_shown_storey_m / float(storeys.min()))
     heights = _limit_heights(heights * (wall.eaves / heights.sum()))
     lines = np.concatenate([[0.0], np.cumsum(heights[::-1])])
     at_eaves = abs(wall.foot + wall.height - wall.eaves) < FLOORS.eaves_tolerance_m
@@ -127,7 +126,7 @@ def stack_floors(style: ExemplarAnalysis, wall: FacadeWall, metres_per_pixel: fl
         if is_ground:
             floor, is_crowned = own[-1], is_highest and at_eaves and not wall.is_back
         else:
-            floor, is_crowned = _choose_upper_floor(wall, shown, (low, high), scale, is_highest=is_highest)
+            floor, is_crowned = _choose_upper_floor(wall, shown, (low, high), is_highest=is_highest)
         is_above = is_ground or (is_highest and not is_crowned)
         bands, attic, plinth = _fit_bands(style, floor, high - low, scale, is_above=is_above)
         stack.append(WallFloor(floor, bands, attic, plinth, is_crowned))
@@ -179,26 +178,24 @@ def _floor_borders(wall: FacadeWall, lines: Float64Array, has_ground_floor: bool
     every = np.concatenate([-beyond[::-1], lines, wall.eaves + beyond])
     inner = every[(every > wall.foot + FLOORS.min_floor_m) & (every < top - FLOORS.min_floor_m)]
     borders = np.concatenate([[wall.foot], inner, [top]])
-    ground = borders[: int(has_ground_floor and len(inner) > 0)]
-    upper = borders[len(ground) :]
+    ground, upper = np.split(borders, [int(has_ground_floor and len(inner) > 0)])
     if np.diff(upper).max() <= FLOORS.max_floor_stretch * max(pitch, float(usual.max())):
         return borders
-    height = top - upper[0]
-    count = max(1, min(round(height / pitch), int(height / FLOORS.min_floor_m)))
+    count = max(1, min(round((top - upper[0]) / pitch), int((top - upper[0]) / FLOORS.min_floor_m)))
     return np.concatenate([ground, np.linspace(upper[0], top, count + 1)])
 
 
 def _choose_upper_floor(
-    wall: FacadeWall, shown: _ShownFloors, span: tuple[float, float], scale: float, *, is_highest: bool
+    wall: FacadeWall, shown: _ShownFloors, span: tuple[float, float], *, is_highest: bool
 ) -> tuple[int, bool]:
-    """Choose the exemplar's floor for a floor above the ground floor; returns also whether it shows the exemplar's top."""
-    low, high = span
-    floor = shown.between(low, high)
-    kind = shown.kind(floor)
-    is_crowned = is_highest and shown.at_eaves and not wall.is_back
-    if is_highest and not shown.at_eaves and _ends_in_cornice(shown.style, wall, high - low, scale):
-        floor, is_crowned = 0, True
-    if not wall.on_street and not is_crowned and kind == "middle":
+    """Choose the exemplar's floor for a floor above the ground floor; returns also whether it shows the exemplar's top.
+
+    A wall that ends above or below the eaves shows it too if its top is level and on a street.
+    """
+    ends_in_cornice = wall.on_street and shown.kind(0) == "middle" and is_level(wall)
+    is_crowned = is_highest and (not wall.is_back if shown.at_eaves else ends_in_cornice)
+    floor = 0 if is_crowned and not shown.at_eaves else shown.between(*span)
+    if not wall.on_street and not is_crowned and shown.kind(floor) == "middle":
         floor = shown.plain
     return floor, is_crowned
 
@@ -219,20 +216,8 @@ def _fit_bands(
     grid, rows = np.asarray(style.grid.rows), lattice_rows(style, floor)
     natural = scale * float(grid[rows.stop] - grid[rows.start])
     bare = max(0.0, height - FLOORS.max_floor_stretch * natural)
-    bare = bare if bare > FLOORS.min_bare_m else 0.0
     bands = _band_heights(style, floor, height - bare, scale)
     return (bands, bare, 0.0) if is_above else (bands, 0.0, bare)
-
-
-def _ends_in_cornice(style: ExemplarAnalysis, wall: FacadeWall, height: float, scale: float) -> bool:
-    """Return whether a wall that ends above or below the eaves shows the exemplar's highest floor with its crown.
-
-    Its top is level and on a street, and its highest floor, of some height in metres, is about as high as the exemplar's.
-    """
-    rows, grid = lattice_rows(style, 0), style.grid.rows
-    natural = scale * (grid[rows.stop] - grid[rows.start])
-    fits = FLOORS.min_floor_m <= height <= max(FLOORS.max_floor_stretch * natural, natural + FLOORS.max_crowned_rest_m)
-    return wall.on_street and fits and is_level(wall) and style.structure.kinds[0] == "middle"
 
 
 def limit_floor_count(floors: int, height: float) -> int:
