@@ -2,9 +2,9 @@
 
     python -m benchmarks.exemplar_walls BLOCK.yaml --prepared FOLDER --sheet FILE
 
-Shows at most SHEET_WALLS walls of at least MIN_WIDTH_M, evenly chosen, at one scale; what a neighbour covers is grey. Their
-exemplars follow, as prepared. Nothing of the block but these walls is made. --prepared keeps the prepared exemplars for a next
-time. Prints each wall with its exemplar and the exemplar whose ground floor it shows.
+Shows at most SHEET_WALLS walls of at least MIN_WIDTH_M of which no neighbour covers more than half, evenly chosen, at one
+scale; what one covers is grey. Their exemplars follow, as prepared. Nothing of the block but these walls is made. --prepared
+keeps the prepared exemplars for a next time. Prints each wall with its exemplar and the exemplar whose ground floor it shows.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from facade_core.core.resizing import resize_image
 from facade_core.facade.exemplar_facade import BuildingPaint, ScaledStyle, build_facade_from_exemplar
 from facade_core.facade.texture.retargeting import analyse_exemplar
 from facade_core.facade.texture.roof_removal import cut_off_roof
-from facade_core.geometry.walls import WallRole
+from facade_core.geometry.walls import WallRole, wall_outline_and_free_part
 from facade_core.plan.facade_walls import facade_wall
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
@@ -41,7 +41,7 @@ from tasks.stages.facades.exemplar_facades import read_with_ground_floor
 from tasks.stages.facades.imagery import ChosenExemplar
 from tasks.stages.ingest.planning import make_plan
 
-SHEET_WALLS, MIN_WIDTH_M, COVERED_MARGIN_M, GREY = 40, 4.0, 0.25, 225
+SHEET_WALLS, MIN_WIDTH_M, MIN_FREE_SHARE, COVERED_MARGIN_M, GREY = 40, 4.0, 0.5, 0.25, 225
 PIXELS_PER_METRE, SHEET_PX, GAP_PX = 16, 1900, 12
 
 
@@ -81,6 +81,9 @@ def make_walls(
         return ScaledStyle(analyse_exemplar(*((image, labels) if has_roof else cut_off_roof(image, labels))), scale)
 
     wide = np.flatnonzero((facades.role == WallRole.STREET) & (facades.width >= MIN_WIDTH_M))
+    charts, of = plan.scene.charts, facades.chart[wide]
+    free = [wall_outline_and_free_part(charts, plan.scene.mesh, int(one))[1].area for one in of]
+    wide = wide[np.array(free) >= MIN_FREE_SHARE * charts.size[of].prod(axis=1)]
     picked = wide[np.unique(np.linspace(0, len(wide) - 1, SHEET_WALLS).astype(int))]
     found = []
     for facade in picked.tolist():

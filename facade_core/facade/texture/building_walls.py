@@ -5,6 +5,7 @@ Floors meet at corners, windows are whole, backs are plain.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import lru_cache
 from itertools import pairwise
@@ -21,11 +22,12 @@ from facade_core.facade.texture.entrances import choose_door_position, paint_cor
 from facade_core.facade.texture.genetic import POPULATION_SIZE
 from facade_core.facade.texture.ground_units import paint_ground_units
 from facade_core.facade.texture.retargeting import ExemplarAnalysis, fit_sizes_to_total, initial_tiling, refine_tiling
-from facade_core.facade.texture.settings import BAYS, ENTRANCES, RETARGETING
+from facade_core.facade.texture.settings import BAYS, ENTRANCES, FLOORS, RETARGETING
 from facade_core.facade.texture.tile_composition import compose_tiles
 from facade_core.facade.texture.wall_floors import (
     FacadeWall,
     WallFloor,
+    is_level,
     plainest_floor,
     shows_ground_floor,
     stack_floors,
@@ -103,6 +105,9 @@ def compose_wall(
     lattice = Lattice(style.grid.rows, style.grid.columns + _bare_columns(style, plain))
     tiles = (source[0] * (wide + 2) + source[1]).astype(np.int32)
     image, labels = compose_tiles(style.image, style.labels, lattice, tiles, rows, columns, pixel / metres_per_pixel)
+    if stack[0].attic > 0 and is_level(wall):
+        coping = image[: max(1, round(FLOORS.coping_m / pixel))]
+        coping[:] = FLOORS.coping_light * coping
     if wall.is_corner and shows_ground_floor(style, stack[-1]):
         paint_corner_shop(style, image, labels, int(rows[ground.start]), scale, pixel)
     if is_front:
@@ -155,10 +160,11 @@ def _fit_bays(widths: Float64Array, counts: Sequence[int], ends: Sequence[float]
     ends : ends of the sections.
     """
     split = np.split(widths, 3 * np.cumsum(counts)[:-1])
-    fitted = [
-        fit_sizes_to_total(own, np.tile([True, False, True], len(own) // 3), right - left)
-        for own, (left, right) in zip(split, pairwise(ends), strict=True)
-    ]
+    fitted = []
+    for own, (left, right) in zip(split, pairwise(ends), strict=True):
+        if len(own) == 3:  # a lone window is in the middle
+            own[[0, 2]] = own[[0, 2]].mean()
+        fitted.append(fit_sizes_to_total(own, np.tile([True, False, True], len(own) // 3), right - left))
     return np.append(0.0, np.cumsum(np.concatenate(fitted)))
 
 
@@ -217,15 +223,21 @@ def _divide_into_bays(style: ExemplarAnalysis, wall: FacadeWall, scale: float) -
         return [0.0, wall.width], []
     ends = _wall_sections(wall, bay)
     counts = [max(1, round((right - left) / bay)) for left, right in pairwise(ends)]
-    if counts == [1] and wall.on_street and wall.floors == 1 and wall.width >= 2 * (least + 2 * BAYS.window_margin_m):
-        counts = [2]  # the door of a low house has a window beside it
+    if wall.on_street:
+        narrow = RETARGETING.window_stretch[0] * window + RETARGETING.pier_stretch[0] * max(bay - window, 0.0)
+        for k, wide in enumerate(np.diff(ends).tolist()):
+            counts[k] = max(counts[k], min(math.ceil(wide / (window + BAYS.max_pier_m)), int(wide / narrow)))
+        if counts == [1] and wall.floors == 1 and wall.width >= 2 * (least + 2 * BAYS.window_margin_m):
+            counts = [2]  # the door of a low house has a window beside it
     return ends, counts
 
 
 def _wall_sections(wall: FacadeWall, bay: float) -> list[float]:
-    """Return the ends of a wall, and the seams with room for whole bays between them, metres."""
+    """Return the ends of a wall, and the seams and steps of its free part with room for whole bays between them, metres."""
+    edges = [edge for part in shapely.get_parts(wall.free) for edge in pairwise(part.exterior.coords)]
+    steps = [x for (x, y), (u, v) in edges if abs(x - u) < BAYS.window_margin_m and abs(y - v) > FLOORS.min_floor_m]
     ends = [0.0]
-    for seam in wall.seams:
+    for seam in sorted([*wall.seams, *steps]):
         if min(seam - ends[-1], wall.width - seam) >= BAYS.min_section_bays * bay:
             ends.append(seam)
     return [*ends, wall.width]

@@ -60,8 +60,10 @@ def transplant_ground_floor(
         ground = compose_units(source, units, arranged, borders, width, metres_per_pixel[::-1])
     else:
         ground = np.zeros((height, width, 3), np.uint8), np.zeros((height, width), np.uint8)
+        doors = [(source[1][:, a:b] == FacadeClass.DOOR).sum() for a, b in pairwise(other.bay_cuts)]
+        first = max(0, int(np.argmax(doors)) + 1 - len(own.bays))  # fewer bays keep the door
         for number, (left, right) in enumerate(pairwise(own.bay_cuts)):
-            bay = number % len(other.bays)
+            bay = (first + number) % len(other.bays)
             part = slice(*other.bay_cuts[bay : bay + 2])
             _paste((ground[0][:, left:right], ground[1][:, left:right]), (source[0][:, part], source[1][:, part]))
     above = slice(0, own.ground_top)
@@ -110,6 +112,7 @@ def replace_ground_floor_by_windows(
     new_image, new_labels = image.copy(), labels.copy()
     if found.ground_top > found.top:
         new_image, new_labels = _show_windows(image, labels, found)
+        found = replace(found, bottom=len(new_labels))
     bay = len(found.bays) // 2
     middle, half = sum(found.bays[bay]) // 2, round(ENTRANCES.door_size_m[0] / 2 / metres_per_pixel)
     columns = slice(max(found.bay_cuts[bay], middle - half), min(found.bay_cuts[bay + 1], middle + half))
@@ -142,17 +145,20 @@ def _residential_floor(found: FloorsAndBays, labels: UInt8Array) -> slice:
 
 
 def _show_windows(image: UInt8Array, labels: UInt8Array, found: FloorsAndBays) -> tuple[UInt8Array, UInt8Array]:
-    """Show a residential floor in place of the ground floor, in the light of the floor above."""
-    ground, source_rows = slice(found.ground_top, found.bottom), _residential_floor(found, labels)
+    """Show a residential floor as it is in place of the ground floor, in the light of the floor above."""
+    top, source_rows = found.ground_top, _residential_floor(found, labels)
     bays = [slice(a, b) for a, b in pairwise((0, *found.bay_cuts[1:-1], labels.shape[1]))]
     plain = [not (labels[source_rows, bay] == FacadeClass.BALCONY).any() for bay in bays]
     gain = _wall_gain(_wall_colour(image, labels, _lowest_upper_floor(found)), _wall_colour(image, labels, source_rows))
-    new_image, new_labels = image.copy(), labels.copy()
+    height = source_rows.stop - source_rows.start
+    new_image, new_labels = (
+        np.concatenate([one[:top], np.empty((height, *one.shape[1:]), np.uint8)]) for one in (image, labels)
+    )
     for number, bay in enumerate(bays):
         # The nearest bay without balconies, the bay itself first.
         nearest = min(range(len(bays)), key=lambda other: (any(plain) and not plain[other], abs(other - number)))
         source = np.clip(np.rint(image[source_rows, bays[nearest]] * gain), 0, 255).astype(np.uint8)
-        _paste((new_image[ground, bay], new_labels[ground, bay]), (source, labels[source_rows, bays[nearest]]))
+        _paste((new_image[top:, bay], new_labels[top:, bay]), (source, labels[source_rows, bays[nearest]]))
     return new_image, new_labels
 
 

@@ -146,7 +146,7 @@ def _cheapest_sequence(price: Float64Array, widths: Float64Array, has_door: Bool
     """
     count, steps = len(widths), np.maximum(1, np.rint(widths / GROUND_FLOOR.width_step_m).astype(int))
     most = int(1.5 * total / GROUND_FLOOR.width_step_m) + int(steps.max())
-    houses = max(1, round(total / float(widths.sum())))
+    houses = max(1, int(total / float(widths.sum())))
     inner = np.zeros(count)
     inner[[0, -1]] = GROUND_FLOOR.end_unit_cost
     # by the doors so far, the width so far and the last part

@@ -225,7 +225,7 @@ def choose_exemplar_floors(
         if best is None or strain < best[0] - 1e-9:
             best = strain, floor_indices, scale
     if best is None:  # fewer floors than the ground band has
-        floor_indices = [g for g in ground if g >= 0] or [int(middle[-1])]
+        floor_indices = [int(g) for g in ground] or [int(middle[-1])]
         best = 0.0, floor_indices, height / float(sizes[floor_indices].sum())
     return best[1], float(np.clip(best[2], 0.4, 2.5))
 
@@ -242,8 +242,10 @@ def initial_tiling(
     walks = {}
     for band, price in style.bay_price.items():
         if band == "ground" and style.doors.any():
-            houses = max(1, round(count / bays))  # of the exemplar's width, with one door each
-            walks[band] = cheapest_walk(price * shake, *ends, count, marked=style.doors, max_marked=houses)
+            # of the exemplar's width, with one door each
+            houses = max(1, count // max(bays, RETARGETING.min_house_bays))
+            apart = price * shake + np.diag(style.doors)  # no door is beside itself
+            walks[band] = cheapest_walk(apart, *ends, count, marked=style.doors, max_marked=houses)
         else:
             walks[band] = cheapest_walk(price * shake, *ends, count)
     if blank:

@@ -15,6 +15,7 @@ class BaySettings:
     back_bay_factor : width of bays of backs, relative to those of fronts.
     bare_width_shares : candidate widths of bare wall, as shares of a bay.
     negligible_unevenness : variation of bare wall, in grey levels, that hardly counts as uneven.
+    max_pier_m : largest width of wall between the windows of a street wall if one more bay fits, metres.
     min_section_bays : smallest width between seams, in bays, of a section with whole bays.
     seam_margin_m : distance of a window from a seam within its bay, metres.
     seam_margin_texels : the same in texels.
@@ -28,6 +29,7 @@ class BaySettings:
     back_bay_factor: float = 1.3
     bare_width_shares: tuple[float, float, float, float, float] = (0.08, 0.12, 0.18, 0.27, 0.4)
     negligible_unevenness: float = 3.0
+    max_pier_m: float = 2.6
     min_section_bays: float = 0.75
     seam_margin_m: float = 0.08
     seam_margin_texels: float = 3.0
@@ -47,28 +49,27 @@ class FloorSettings:
     ----------
     min_floor_m : smallest height of a partial floor at a wall's foot or top, metres; lower rests join the neighbouring
         floor.
-    min_cut_floor_m : the same at the top of a wall that ends above or below the eaves, if its windows stay whole.
-    min_lintel_m, min_sill_share : smallest height of wall above the windows of such a floor, metres, and below them as a
-        share of the exemplar's.
+    max_shown_storey_m : height of an exemplar's lowest storey, metres, beyond which it is not enlarged: the wall grows alone.
     eaves_tolerance_m : largest distance of a wall's top from the eaves, metres, at which it shows the exemplar's crown.
     level_top_m : largest distance from its top, metres, at which a wall begins to be free of neighbours along all its
         width.
-    max_crowned_rest_m : largest height of bare wall below the highest windows of such a wall with a cornice, metres.
     max_floor_stretch : largest stretch of a floor over the exemplar's; beyond it the rest is bare wall.
+    max_window_stretch : largest stretch of its windows.
+    coping_m, coping_light : height of the coping of a plain top, metres, and its light relative to the wall.
     max_ground_floor_m : greatest height of a ground floor, metres.
     max_window_share, max_window_loss : largest share of a floor that its windows take, unless they would lose more of their
         height than `max_window_loss`, a share of it.
     min_spandrel_share : smallest share of a floor above and below its windows.
     """
 
-    min_floor_m: float = 2.5
-    min_cut_floor_m: float = 1.8
-    min_lintel_m: float = 0.15
-    min_sill_share: float = 0.8
+    min_floor_m: float = 2.3
+    max_shown_storey_m: float = 3.1
     eaves_tolerance_m: float = 0.3
     level_top_m: float = 0.3
-    max_crowned_rest_m: float = 1.5
-    max_floor_stretch: float = 1.12
+    max_floor_stretch: float = 1.25
+    max_window_stretch: float = 1.1
+    coping_m: float = 0.12
+    coping_light: float = 0.6
     max_ground_floor_m: float = 6.0
     max_window_share: float = 0.75
     max_window_loss: float = 0.1
@@ -365,6 +366,7 @@ class RetargetingSettings:
     eaves_price : price of showing the top floor, which has the eaves, below another.
     pier_stretch : range of a pier's stretch before its windows change.
     window_stretch : range of a window's stretch beyond which its piers change alone.
+    min_house_bays : fewest bays of a house among others in a front; each has one door.
     cut_reach_px : pixels on either side of a cut that are compared.
     jump_price : price of any jump, in mean absolute colour difference (0-1).
     repeat_price : price of showing a part twice in a row.
@@ -377,6 +379,7 @@ class RetargetingSettings:
     eaves_price: float = 2.0
     pier_stretch: tuple[float, float] = (0.45, 1.8)
     window_stretch: tuple[float, float] = (0.9, 1.1)
+    min_house_bays: int = 4
     cut_reach_px: int = 4
     jump_price: float = 0.03
     repeat_price: float = 0.02

@@ -112,23 +112,23 @@ def stack_floors(style: ExemplarAnalysis, wall: FacadeWall, metres_per_pixel: fl
     """
     pixels, count = round(wall.eaves / metres_per_pixel), limit_floor_count(wall.floors, wall.eaves)
     own, heights, scale = _exemplar_floors(style, pixels, count)
-    scale *= metres_per_pixel
+    storeys = np.diff(style.structure.floor_cuts)[np.array(style.structure.kinds) != "roof"]
+    scale = min(scale * metres_per_pixel, FLOORS.max_shown_storey_m / float(storeys.min()))
     heights = _limit_heights(heights * (wall.eaves / heights.sum()))
     lines = np.concatenate([[0.0], np.cumsum(heights[::-1])])
     at_eaves = abs(wall.foot + wall.height - wall.eaves) < FLOORS.eaves_tolerance_m
     shown = _ShownFloors(style, own, lines, plainest_floor(style), at_eaves)
     has_ground_floor = (wall.on_street or wall.is_corner) and not wall.is_raised and shown.kind(own[-1]) == "ground"
-    borders = _split_high_floors(_floor_borders(wall, shown, scale), has_ground_floor)
+    borders = _floor_borders(wall, lines, has_ground_floor)
     stack = []
     for number, (low, high) in enumerate(zip(borders[:-1], borders[1:], strict=True)):
         is_ground, is_highest = number == 0 and has_ground_floor, number == len(borders) - 2
         if is_ground:
             floor, is_crowned = own[-1], is_highest and at_eaves and not wall.is_back
         else:
-            floor, is_crowned = _choose_upper_floor(wall, shown, (low, high), scale, is_highest=is_highest)
+            floor, is_crowned = _choose_upper_floor(wall, shown, (low, high), is_highest=is_highest)
         is_above = is_ground or (is_highest and not is_crowned)
-        is_cut = is_highest and not (at_eaves or is_crowned or is_ground)
-        bands, attic, plinth = _fit_bands(style, floor, high - low, scale, is_above=is_above, is_cut=is_cut)
+        bands, attic, plinth = _fit_bands(style, floor, high - low, scale, is_above=is_above)
         stack.append(WallFloor(floor, bands, attic, plinth, is_crowned))
     return stack[::-1], scale
 
@@ -163,44 +163,51 @@ class _ShownFloors(NamedTuple):
         return self.plain if kind == "ground" or (kind == "roof" and not self.at_eaves) else floor
 
 
-def _floor_borders(wall: FacadeWall, shown: _ShownFloors, scale: float) -> Float64Array:
-    """Return the borders (n,) of the floors of a wall from its foot to its top, metres."""
-    lines, top = shown.lines, wall.foot + wall.height
-    pitch = float(np.clip(wall.eaves / len(shown.own), *FACADE_WALLS.floor_height_m))
+def _floor_borders(wall: FacadeWall, lines: Float64Array, has_ground_floor: bool) -> Float64Array:
+    """Return the borders (n,) of the floors of a wall from its foot to its top, metres.
+
+    They are those of its building, unless the wall's upper floors would be too high or too low: then these are equal.
+
+    Parameters
+    ----------
+    lines : (m,) borders of the floors of its building, metres.
+    """
+    top, usual = wall.foot + wall.height, np.diff(lines)[1:] if len(lines) > 2 else np.diff(lines)
+    pitch = float(np.clip(usual.mean(), *FACADE_WALLS.floor_height_m))
     beyond = np.arange(1, 2 + int((abs(wall.foot) + top) / pitch)) * pitch
     every = np.concatenate([-beyond[::-1], lines, wall.eaves + beyond])
-    inner = every[(every > wall.foot + FLOORS.min_floor_m) & (every < top - FLOORS.min_cut_floor_m)]
-    if len(inner) and top - inner[-1] < FLOORS.min_floor_m:
-        highest = shown.between(inner[-1], top) if wall.on_street else shown.plain
-        cut = _cut_bands(shown.style, highest, top - inner[-1], scale)
-        inner = inner[: None if cut and not shown.at_eaves else -1]
-    return np.concatenate([[wall.foot], inner, [top]])
+    inner = every[(every > wall.foot + FLOORS.min_floor_m) & (every < top - FLOORS.min_floor_m)]
+    borders = np.concatenate([[wall.foot], inner, [top]])
+    ground, upper = np.split(borders, [int(has_ground_floor and len(inner) > 0)])
+    if np.diff(upper).max() <= FLOORS.max_floor_stretch * max(pitch, float(usual.max())):
+        return borders
+    count = max(1, min(round((top - upper[0]) / pitch), int((top - upper[0]) / FLOORS.min_floor_m)))
+    return np.concatenate([ground, np.linspace(upper[0], top, count + 1)])
 
 
 def _choose_upper_floor(
-    wall: FacadeWall, shown: _ShownFloors, span: tuple[float, float], scale: float, *, is_highest: bool
+    wall: FacadeWall, shown: _ShownFloors, span: tuple[float, float], *, is_highest: bool
 ) -> tuple[int, bool]:
-    """Choose the exemplar's floor for a floor above the ground floor; returns also whether it shows the exemplar's top."""
-    low, high = span
-    floor = shown.between(low, high)
-    kind = shown.kind(floor)
-    is_crowned = is_highest and shown.at_eaves and not wall.is_back
-    if is_highest and not shown.at_eaves and _ends_in_cornice(shown.style, wall, high - low, scale):
-        floor, is_crowned = 0, True
-    if not wall.on_street and not is_crowned and kind == "middle":
+    """Choose the exemplar's floor for a floor above the ground floor; returns also whether it shows the exemplar's top.
+
+    A wall that ends above or below the eaves shows it too if its top is level and on a street.
+    """
+    ends_in_cornice = wall.on_street and shown.kind(0) == "middle" and is_level(wall)
+    is_crowned = is_highest and (not wall.is_back if shown.at_eaves else ends_in_cornice)
+    floor = 0 if is_crowned and not shown.at_eaves else shown.between(*span)
+    if not wall.on_street and not is_crowned and shown.kind(floor) == "middle":
         floor = shown.plain
     return floor, is_crowned
 
 
 def _fit_bands(
-    style: ExemplarAnalysis, floor: int, height: float, scale: float, *, is_above: bool, is_cut: bool
+    style: ExemplarAnalysis, floor: int, height: float, scale: float, *, is_above: bool
 ) -> tuple[tuple[float, ...], float, float]:
     """Fit the bands of an exemplar's floor to a height, metres.
 
     Parameters
     ----------
     is_above : whether bare wall is above the bands, as above doors and shops, or below, as below a crown.
-    is_cut : whether a floor that is too low is cut.
 
     Returns
     -------
@@ -208,23 +215,9 @@ def _fit_bands(
     """
     grid, rows = np.asarray(style.grid.rows), lattice_rows(style, floor)
     natural = scale * float(grid[rows.stop] - grid[rows.start])
-    bare = height - natural if height > FLOORS.max_floor_stretch * natural else 0.0
+    bare = max(0.0, height - FLOORS.max_floor_stretch * natural)
     bands = _band_heights(style, floor, height - bare, scale)
-    if is_cut and height < natural:
-        bands = _cut_bands(style, floor, height, scale) or bands
     return (bands, bare, 0.0) if is_above else (bands, 0.0, bare)
-
-
-def _ends_in_cornice(style: ExemplarAnalysis, wall: FacadeWall, height: float, scale: float) -> bool:
-    """Return whether a wall that ends above or below the eaves shows the exemplar's highest floor with its crown.
-
-    Its top is level and on a street, and its highest floor, of some height in metres, is about as high as the exemplar's.
-    """
-    rows, grid = lattice_rows(style, 0), style.grid.rows
-    natural = scale * (grid[rows.stop] - grid[rows.start])
-    fits = FLOORS.min_floor_m <= height <= max(FLOORS.max_floor_stretch * natural, natural + FLOORS.max_crowned_rest_m)
-    is_level = wall.free.buffer(FLOORS.level_top_m).covers(shapely.LineString([(0, 0), (wall.width, 0)]))
-    return wall.on_street and fits and is_level and style.structure.kinds[0] == "middle"
 
 
 def limit_floor_count(floors: int, height: float) -> int:
@@ -238,15 +231,6 @@ def limit_floor_count(floors: int, height: float) -> int:
     least = math.ceil((height - FLOORS.max_ground_floor_m) / FACADE_WALLS.floor_height_m[1] - 1e-6) + 1
     most = math.floor(height / FACADE_WALLS.floor_height_m[0] + 1e-6)
     return max(1, min(max(floors, least), most))
-
-
-def _split_high_floors(borders: Float64Array, has_ground_floor: bool) -> Float64Array:
-    """Split the floors between borders (n,) that are too high and have room for two."""
-    low, high = FACADE_WALLS.floor_height_m
-    most = np.full(len(borders) - 1, max(high, 2 * low))
-    most[0] = FLOORS.max_ground_floor_m if has_ground_floor else most[0]
-    split = np.flatnonzero(np.diff(borders) > most + 1e-6)
-    return np.insert(borders, split + 1, (borders[split] + borders[split + 1]) / 2)
 
 
 def _exemplar_floors(style: ExemplarAnalysis, pixels: int, count: int) -> tuple[list[int], Float64Array, float]:
@@ -289,22 +273,17 @@ def _band_heights(style: ExemplarAnalysis, floor: int, height: float, scale: flo
     if len(sizes) < 3:
         return tuple((sizes * (height / sizes.sum())).tolist())
     above, window, below = sizes.tolist()
+    window *= float(np.clip(height / sizes.sum(), 1.0, FLOORS.max_window_stretch))
     most = max(FLOORS.max_window_share * height, (1 - FLOORS.max_window_loss) * window)
     window = min(window, most, (1 - 2 * FLOORS.min_spandrel_share) * height)
     return (height - window) * above / (above + below), window, (height - window) * below / (above + below)
 
 
-def _cut_bands(style: ExemplarAnalysis, floor: int, height: float, scale: float) -> tuple[float, ...]:
-    """Cut a floor to a height, metres, first above its windows, then below; empty if they would be cut too."""
-    rows = lattice_rows(style, floor)
-    sizes = scale * np.diff(np.asarray(style.grid.rows)[rows.start : rows.stop + 1])
-    if len(sizes) < 3:
-        return ()
-    _, window, below = sizes.tolist()
-    sill = min(below, height - window - FLOORS.min_lintel_m)
-    return (height - window - sill, window, sill) if sill >= FLOORS.min_sill_share * below else ()
-
-
 def shows_ground_floor(style: ExemplarAnalysis, wall_floor: WallFloor) -> bool:
     """Return whether a floor shows the exemplar's ground floor."""
     return wall_floor.exemplar_floor < 0 or style.structure.kinds[wall_floor.exemplar_floor] == "ground"
+
+
+def is_level(wall: FacadeWall) -> bool:
+    """Return whether the top of a wall is level and free."""
+    return bool(wall.free.buffer(FLOORS.level_top_m).covers(shapely.LineString([(0, 0), (wall.width, 0)])))

@@ -14,9 +14,9 @@ from facade_core.core.numba_cache import njit
 from facade_core.street.materials.patterns import add_noise, add_piece_tones, running_bond_stone_share, stripe_share
 from facade_core.street.materials.settings import ROOF_MATERIALS
 
-# Muted Nordic roofs: sheet metal, clay, slate, bitumen felt and gravel.
+# Muted roofs: sheet metal; red, brown and grey tiles; slate, bitumen felt and gravel.
 SHEET_METAL_PALETTE = np.array([[92, 74, 66], [104, 106, 108], [72, 78, 80], [122, 82, 66], [86, 96, 88]], np.float64)
-ROOF_TILE_PALETTE = np.array([[158, 86, 62], [142, 74, 56], [170, 104, 76], [112, 72, 62], [88, 84, 84]], np.float64)
+ROOF_TILE_PALETTE = np.array([[148, 86, 66], [120, 70, 58], [96, 74, 66], [78, 76, 76], [104, 96, 90]], np.float64)
 SLATE_PALETTE = np.array([[84, 88, 94], [74, 78, 82], [92, 92, 98], [70, 76, 74]], np.float64)
 FELT_PALETTE = np.array([[82, 80, 78], [98, 95, 91], [70, 70, 71], [104, 106, 104]], np.float64)
 ROOF_GRAVEL_PALETTE = np.array([[132, 126, 116], [118, 114, 106], [146, 137, 122]], np.float64)

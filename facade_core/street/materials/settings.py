@@ -162,8 +162,10 @@ class StainSettings:
         sigmas as shares of its wavelength.
     photo_deviations, noise_cells_m : target deviation of plain wall in each band, relative to its brightness: between
         the first quartile and the median of rectified photographs of CMP. At the median walls look cloudy, because
-        photographs also contain stucco and shadows.
+        photographs also contain stucco and shadows. The cells of the noise are upright: width and height.
     noise_deviations : deviation in each band per weight of each noise.
+    run_m, splash_m : metres below an element or the top, and above the foot, at which stains fall to 1 / e.
+    even_share, max_strength : strength of stains far from both, relative to theirs, and the greatest.
     stain_density : samples per metre.
     edge_margin_m : margin around other classes, whose edges would count as variation.
     min_wall_share : share of wall in a sample that counts as wall.
@@ -174,8 +176,12 @@ class StainSettings:
     kept_sigma: float = 0.16
     removed_sigma: float = 0.32
     photo_deviations: tuple[float, float] = (0.0186, 0.0189)
-    noise_cells_m: tuple[float, float] = (0.35, 1.3)
-    noise_deviations: tuple[tuple[float, float], tuple[float, float]] = ((0.146, 0.083), (0.035, 0.15))
+    noise_cells_m: tuple[tuple[float, float], tuple[float, float]] = ((0.25, 1.0), (0.9, 3.0))
+    noise_deviations: tuple[tuple[float, float], tuple[float, float]] = ((0.137, 0.102), (0.039, 0.145))
+    run_m: float = 0.7
+    splash_m: float = 0.6
+    even_share: float = 0.5
+    max_strength: float = 1.4
     stain_density: float = 8.0
     edge_margin_m: float = 0.35
     min_wall_share: float = 0.99

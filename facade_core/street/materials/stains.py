@@ -1,4 +1,7 @@
-"""Stains of plaster: variation at two scales that painted walls lack against photographs."""
+"""Stains of plaster: variation at two scales that painted walls lack against photographs.
+
+Water runs down below sills, balconies and the top of a wall, and splashes its foot: stains are there, and are upright.
+"""
 
 from __future__ import annotations
 
@@ -81,7 +84,7 @@ def stain_tones(
     rows, columns = (max(2, int(np.ceil(side / density * STAINS.stain_density))) for side in labels.shape)
     step = 1 / STAINS.stain_density
     x, y = np.meshgrid(start[0] + step * (np.arange(columns) + 0.5), start[1] + step * (np.arange(rows) + 0.5))
-    tone, side = np.ones(rows * columns), np.full(rows * columns, step)
+    tone, side = np.zeros(rows * columns), np.full(rows * columns, step)
     for number, (cell, weight) in enumerate(
         zip(
             STAINS.noise_cells_m,
@@ -90,5 +93,29 @@ def stain_tones(
         )
     ):
         if weight > 0:
-            add_noise(x.ravel(), y.ravel(), side, (cell, cell), weight, seed + 121 + number, tone)
-    return tone.reshape(rows, columns).astype(np.float32)
+            add_noise(x.ravel(), y.ravel(), side, cell, weight, seed + 121 + number, tone)
+    return (1 + tone.reshape(rows, columns) * stain_strengths(labels, (rows, columns))).astype(np.float32)
+
+
+def stain_strengths(labels: UInt8Array, size: tuple[int, int]) -> Float64Array:
+    """Compute how strongly each place of a wall is stained: strongest below elements and the top, and at the foot.
+
+    Parameters
+    ----------
+    labels : (h, w) class id.
+    size : rows and columns of the result, `stain_density` per metre.
+
+    Returns
+    -------
+    Strengths of that size; the mean of their squares on the wall is 1, but for the limit.
+    """
+    import cv2
+
+    is_wall = cv2.resize(labels, size[::-1], interpolation=cv2.INTER_NEAREST) == FacadeClass.WALL
+    below, step = np.zeros(size), 1 / STAINS.stain_density
+    for row in range(1, size[0]):
+        below[row] = np.where(is_wall[row], below[row - 1] + step, 0.0)
+    above = step * np.arange(size[0], 0, -1)[:, None]
+    strength = STAINS.even_share + np.exp(-below / STAINS.run_m) + np.exp(-above / STAINS.splash_m)
+    squares = np.square(strength[is_wall]) if is_wall.any() else np.ones(1)
+    return np.asarray(np.minimum(strength / np.sqrt(squares.mean()), STAINS.max_strength))

@@ -24,7 +24,7 @@ from facade_core.street.lighting.settings import AMBIENT
 from facade_core.street.lighting.sun import SKY_LIGHT, SUN_LIGHT, apply_sunlight, sun_direction, sunlight_share
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.materials.settings import STAINS
-from facade_core.street.materials.stains import stain_tones, stain_weights, wall_brightness_deviations
+from facade_core.street.materials.stains import stain_strengths, stain_tones, stain_weights, wall_brightness_deviations
 from facade_core.street.surfaces import ChartSunlight, KnownTexture, finish_chart
 
 STREET = Street("s", None, shapely.LineString([(-20, -6), (60, -6)]))
@@ -119,15 +119,16 @@ def test_stains_give_an_even_wall_what_photographs_have_and_one_that_has_it_noth
     found = wall_brightness_deviations(
         (150 * tones).round().astype(np.uint8), np.ones(tones.shape, bool), STAINS.stain_density
     )
-    assert found == pytest.approx(STAINS.photo_deviations, rel=0.3)
-    # cells of .35 m are meant over an eighth of a metre: nearly as at its middle
-    points = 1 + sum(
-        weight * noise(x[None, :] / cell + 0 * y[:, None], y[:, None] / cell + 0 * x[None, :], 4 + 121 + number)
-        for number, (cell, weight) in enumerate(zip(STAINS.noise_cells_m, stain_weights(None), strict=True))
+    assert found == pytest.approx(STAINS.photo_deviations, rel=0.4)
+    # narrow cells are meant over an eighth of a metre: nearly as at its middle
+    points = 1 + stain_strengths(labels, tones.shape) * sum(
+        weight * noise(x[None, :] / wide + 0 * y[:, None], y[:, None] / tall + 0 * x[None, :], 4 + 121 + number)
+        for number, ((wide, tall), weight) in enumerate(zip(STAINS.noise_cells_m, stain_weights(None), strict=True))
     )
-    assert np.abs(points - tones).max() < 0.05 * np.abs(tones - 1).max() + 0.01
+    assert np.abs(points - tones).max() < 0.1 * np.abs(tones - 1).max() + 0.01
     stained = (even * np.kron(tones, np.ones((2, 2)))[..., None]).astype(np.uint8)
-    assert np.abs(stain_tones(stained, labels, 16.0, (30.0, -12.0), seed=5) - 1).max() < 0.5 * np.abs(tones - 1).max()
+    again = stain_tones(stained, labels, 16.0, (30.0, -12.0), seed=5)
+    assert np.abs(again - 1).mean() < 0.6 * np.abs(tones - 1).mean()
     assert wall_brightness_deviations(even[..., 0], np.zeros(labels.shape, bool), 16.0) is None
 
 
@@ -136,13 +137,23 @@ def test_noise_of_a_weight_gives_the_deviations_that_are_said() -> None:
         found = []
         for seed in range(4):
             y, x = (np.mgrid[:320, :320] + 0.5) / STAINS.stain_density
-            tone = 1 + 0.2 * noise(x / STAINS.noise_cells_m[number], y / STAINS.noise_cells_m[number], seed)
+            wide, tall = STAINS.noise_cells_m[number]
+            tone = 1 + 0.2 * noise(x / wide, y / tall, seed)
             found.append(
                 wall_brightness_deviations(
                     (120 * tone).round().astype(np.uint8), np.ones(tone.shape, bool), STAINS.stain_density
                 )
             )
         assert np.mean(found, axis=0) / 0.2 == pytest.approx(gives, rel=0.2)
+
+
+def test_stains_are_below_windows_and_at_the_foot() -> None:
+    labels = np.full((240, 320), FacadeClass.WALL, np.uint8)
+    labels[80:120, 100:160] = FacadeClass.WINDOW
+    strengths = stain_strengths(labels, (120, 160))
+    assert strengths[62, 65] > 1.5 * strengths[62, 20], "below the window, and beside it"
+    assert strengths[-1, 20] > 1.5 * strengths[60, 20]
+    assert strengths.max() <= STAINS.max_strength
 
 
 def test_stains_go_on_where_the_next_wall_begins() -> None:

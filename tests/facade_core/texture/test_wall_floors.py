@@ -60,14 +60,9 @@ def test_floors_are_within_limits_and_not_stretched(style: ExemplarAnalysis) -> 
                     natural = scale * (pixel_rows[rows.stop] - pixel_rows[rows.start])
                     assert sum(one.heights) <= FLOORS.max_floor_stretch * natural + 1e-6
                 for one in stack[1:-1]:
-                    assert (
-                        FACADE_WALLS.floor_height_m[0] - 1e-6
-                        <= sum(one.all_heights)
-                        <= FACADE_WALLS.floor_height_m[1] + 1e-6
-                    )
+                    assert FLOORS.min_floor_m - 1e-6 <= sum(one.all_heights) <= FACADE_WALLS.floor_height_m[1] + 1e-6
                 for one in (stack[0], stack[-1]):  # they may join a rest that is too low for a floor
-                    least = FLOORS.min_cut_floor_m if one is stack[0] else FLOORS.min_floor_m
-                    assert sum(one.all_heights) >= min(height, least) - 1e-6
+                    assert sum(one.all_heights) >= min(height, FLOORS.min_floor_m) - 1e-6
                     assert (
                         sum(one.all_heights)
                         <= max(FLOORS.max_ground_floor_m, 2 * FACADE_WALLS.floor_height_m[0]) + 1e-6
@@ -75,24 +70,26 @@ def test_floors_are_within_limits_and_not_stretched(style: ExemplarAnalysis) -> 
                     assert not (one.plinth and shows_ground_floor(style, one)), "doors are at the foot"
 
 
-@pytest.mark.parametrize("on_street", [True, False])
-def test_a_low_floor_at_the_top_of_a_lower_wall_keeps_its_windows_whole(on_street: bool) -> None:
-    facade = painted("brick")
-    style = analyse_exemplar(facade.image, facade.labels)
-    pixel_rows, lowest = np.asarray(style.grid.rows), []
-    for height in np.arange(7.0, 13.0, 0.1).tolist():
-        free = shapely.box(0, 0, 12, height)
-        wall = FacadeWall(12, height, 0.0, 13.5, 5, on_street=on_street, is_back=False, free=free)
-        (top, *_), scale = stack_floors(style, wall, MPP)
-        rows = lattice_rows(style, top.exemplar_floor)
-        above, window, below = scale * np.diff(pixel_rows[rows.start : rows.stop + 1])
-        if sum(top.all_heights) < min(FLOORS.min_floor_m, above + window + below):
-            assert top.heights[0] >= FLOORS.min_lintel_m - 1e-6
-            assert top.heights[1] == pytest.approx(window)
-            assert FLOORS.min_sill_share * below - 1e-6 <= top.heights[2] <= below + 1e-6
-            lowest.append(sum(top.all_heights))
-    assert lowest
-    assert min(lowest) >= FLOORS.min_cut_floor_m - 1e-6
+@pytest.mark.parametrize("foot", [0.0, 5.3])
+def test_a_wall_that_ends_between_the_storeys_of_its_building_has_windows_up_to_its_top(
+    style: ExemplarAnalysis, foot: float
+) -> None:
+    for height in np.arange(5.0, 13.0, 0.3).tolist():
+        wall = replace(FacadeWall.freestanding(height, 12.0, 5), foot=foot, eaves=16.0, is_raised=foot > 0)
+        stack, _ = stack_floors(style, wall, MPP)
+        upper = [sum(one.all_heights) for one in stack if not shows_ground_floor(style, one)]
+        assert min(upper) >= FLOORS.min_floor_m - 1e-6
+        assert max(upper) <= max(2 * FLOORS.min_floor_m, FLOORS.max_floor_stretch * FACADE_WALLS.floor_height_m[1]), (
+            height
+        )
+        assert all(one.attic + one.plinth < 1.0 for one in stack), height
+
+
+def test_a_low_building_does_not_enlarge_its_exemplar(style: ExemplarAnalysis) -> None:
+    """A shed of one storey has a window and a door of usual size."""
+    stack, scale = stack_floors(style, FacadeWall.freestanding(5.0, 12.0, 1), MPP)
+    assert len(stack) == 1
+    assert scale * float(np.diff(style.structure.floor_cuts).min()) <= FLOORS.max_shown_storey_m + 1e-6
 
 
 def test_a_lower_wall_ends_in_the_cornice_unless_it_is_a_gable() -> None:
@@ -121,12 +118,12 @@ def test_storeys_are_those_of_the_wall_at_any_scale_of_the_exemplar(
 
 
 def test_bare_wall_takes_what_no_floor_can(style: ExemplarAnalysis) -> None:
-    """A wall on a slope, a metre of which is below the others."""
-    wall = FacadeWall(12, 12.0, 1.4, 12.8, 4, on_street=False, is_back=True, free=shapely.box(0, 0, 12, 12.0))
-    stack, _ = stack_floors(style, replace(wall, foot=-1.0, height=13.8), MPP)
-    assert stack[-1].plinth > 1.0
-    labels = compose_wall(style, replace(wall, foot=-1.0, height=13.8), metres_per_pixel=MPP)[1]
-    assert (labels[-round(0.8 * stack[-1].plinth / MPP) :] == FacadeClass.WALL).mean() > 0.95
+    """A high wall of one storey."""
+    wall = FacadeWall.freestanding(5.9, 12.0, 1)
+    stack, _ = stack_floors(style, wall, MPP)
+    assert stack[0].attic > 0.5
+    labels = compose_wall(style, wall, metres_per_pixel=MPP)[1]
+    assert (labels[: round(0.8 * stack[0].attic / MPP)] == FacadeClass.WALL).mean() > 0.95
 
 
 @pytest.mark.parametrize("total", [3.1, 4.4, 10.0, 14.0])
