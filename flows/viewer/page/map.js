@@ -56,7 +56,11 @@ export class BlockMap {
     Object.assign(this, { choose, view, colour, strong, sign, shapes: new Map(), details: new Map(), marked: [], here: null, whole: null, touched: false });
     this.element = Object.assign(element("div", { class: "map" }), { map: this });
     const style = { version: 8, light: { intensity: 0.25 }, sources: Object.fromEntries(SOURCES.map((name) => [name, { type: "geojson", data: collection([]), generateId: true, maxzoom: 20 }])), layers: LAYERS };
-    this.engine = new Engine({ container: this.element, style, attributionControl: false, locale: { "Map.Title": label }, maxPitch: 75, renderWorldCopies: false, fadeDuration: 0 });
+    try {
+      this.engine = new Engine({ container: this.element, style, attributionControl: false, locale: { "Map.Title": label }, maxPitch: 75, renderWorldCopies: false, fadeDuration: 0 });
+    } catch (cause) {
+      throw new Error("this browser has no WebGL 2, which the map needs; the other pages work without", { cause });
+    }
     const all = element("button", { type: "button", "aria-label": "Show all", title: "Show all", onclick: () => this.goTo(this.whole) }, "\u2922");
     this.engine.addControl(new NavigationControl({ visualizePitch: true }), "top-right");
     this.engine.addControl({ onAdd: () => element("div", { class: "maplibregl-ctrl maplibregl-ctrl-group" }, all), onRemove: () => all.parentElement.remove() }, "top-right");

@@ -39,7 +39,6 @@ export class MapPage {
           element("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": "What is shown" },
             element("table", {}, element("thead", {}, element("tr", {}, ...this.heads)), this.rows)))));
     this.later = new Map(); // number -> when a map that could not be read is asked for again
-    this.drawn = new Map(); // number -> map of the block that is drawn
   }
 
   get columns() {
@@ -48,11 +47,11 @@ export class MapPage {
 
   // What is drawn: [[number, map of the block]].
   maps() {
-    return [...this.drawn].filter(([number]) => this.map.details.has(number));
+    return [...this.map.details].map(([number, { block }]) => [number, block]);
   }
 
   changed(number, index) {
-    const block = this.drawn.get(number);
+    const { block } = this.map.details.get(number) || {};
     return block !== undefined && block.facades[index].changed >= block.changed_from;
   }
 
@@ -67,7 +66,6 @@ export class MapPage {
   look(numbers) {
     const same = String(numbers) === String(this.wanted);
     this.wanted = numbers;
-    for (const number of this.drawn.keys()) if (!numbers.includes(number)) this.drawn.delete(number);
     this.fetchMaps();
     if (!same) this.refresh();
   }
@@ -77,15 +75,15 @@ export class MapPage {
     for (const number of this.wanted) {
       const { published, state } = this.city.block(number) || {};
       if ((!published && state !== "running" && !this.city.single) || performance.now() < (this.later.get(number) || 0)) continue; // there is no map yet
-      if (this.map.details.has(number) && !this.city.stale(number) && this.drawn.get(number) === this.city.here(number)) continue;
+      const shown = this.map.details.get(number)?.block;
+      if (shown && !this.city.stale(number) && shown === this.city.here(number)) continue;
       this.city.load(number).then((block) => this.take(number, block), (error) => this.failed(number, error));
     }
   }
 
   take(number, block) {
-    if (!this.wanted.includes(number) || (this.map.details.has(number) && this.drawn.get(number) === block)) return;
+    if (!this.wanted.includes(number) || this.map.details.get(number)?.block === block) return;
     const [east, north] = this.city.said.origin;
-    this.drawn.set(number, block);
     this.map.setDetail(number, block, [block.origin[0] - east, block.origin[1] - north]);
     this.fillChoices();
     this.rescheme();

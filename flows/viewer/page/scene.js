@@ -100,17 +100,23 @@ export const textureReader = (side, anisotropy) => (parser) => ({
   name: "bitmaps",
   async loadTexture(index) {
     const { bufferView, mimeType } = parser.json.images[parser.json.textures[index].source];
-    const blob = new Blob([await parser.getDependency("bufferView", bufferView)], { type: mimeType });
-    let image = await createImageBitmap(blob, { colorSpaceConversion: "none" });
-    const share = side / Math.max(image.width, image.height);
-    if (share < 1) {
-      const whole = image;
-      image = await createImageBitmap(whole, { resizeWidth: Math.ceil(share * whole.width), resizeHeight: Math.ceil(share * whole.height), resizeQuality: "medium" });
-      whole.close();
-    }
+    const bytes = await parser.getDependency("bufferView", bufferView);
+    const [width, height] = jpegSize(new DataView(bytes)) || [side, side];
+    const share = Math.min(1, side / Math.max(width, height));
+    const resized = share < 1 ? { resizeWidth: Math.ceil(share * width), resizeHeight: Math.ceil(share * height), resizeQuality: "medium" } : {};
+    const image = await createImageBitmap(new Blob([bytes], { type: mimeType }), { colorSpaceConversion: "none", ...resized });
     return Object.assign(new Texture(image), { flipY: false, anisotropy, needsUpdate: true, onUpdate: () => image.close() });
   },
 });
+
+// Width and height of a JPEG, from its frame header; null of another file.
+function jpegSize(view) {
+  for (let at = 2; view.getUint16(0) === 0xffd8 && at < view.byteLength - 9; at += 2 + view.getUint16(at + 2)) {
+    const marker = view.getUint8(at + 1);
+    if (marker >= 0xc0 && marker <= 0xcf && ![0xc4, 0xc8, 0xcc].includes(marker)) return [view.getUint16(at + 7), view.getUint16(at + 5)];
+  }
+  return null;
+}
 
 // Whether a processor draws: then there are fewer texels and pixels, and none of the costly filters.
 function drawsBySoftware() {
