@@ -143,7 +143,7 @@ export function runPage(block, progress) {
       element("tr", {}, cell(stage.name, "name"),
         element("td", {}, element("progress", { max: stage.total, value: stage.done + stage.failed, "aria-label": `${stage.name}: ${stage.done + stage.failed} of ${stage.total}` })),
         cell(stage.done, "number"), cell(stage.failed, "number"), cell(stage.stale, "number"), cell(stage.total, "number"))))),
-    element("h3", {}, `Failed or set aside: ${progress.failures.length}`),
+    element("h3", {}, `Failed or refused: ${progress.failures.length}`),
     units(progress.failures),
     progress.stale.length ? element("h3", {}, `Out of date: ${progress.stale.length}`) : null,
     progress.stale.length ? units(progress.stale) : null,
