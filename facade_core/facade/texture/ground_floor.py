@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -111,7 +112,7 @@ def replace_ground_floor_by_windows(
         found = replace(found, kinds=kinds, ground_top=found.floor_cuts[-2])
     new_image, new_labels = image.copy(), labels.copy()
     if found.ground_top > found.top:
-        new_image, new_labels = _show_windows(image, labels, found)
+        new_image, new_labels = _show_windows(image, labels, found, metres_per_pixel)
         found = replace(found, bottom=len(new_labels))
     bay = len(found.bays) // 2
     middle, half = sum(found.bays[bay]) // 2, round(ENTRANCES.door_size_m[0] / 2 / metres_per_pixel)
@@ -138,27 +139,54 @@ def _clear_bay(image: UInt8Array, labels: UInt8Array, rows: slice, bay: slice, r
 
 
 def _residential_floor(found: FloorsAndBays, labels: UInt8Array) -> slice:
-    """Return the rows of the lowest floor with the fewest balconies, if possible not the topmost."""
+    """Return the rows of the lowest floor with the least of balconies and roof, if possible not the topmost."""
     middle = [i for i, kind in enumerate(found.kinds) if kind == "middle"]
     floors = [slice(*found.floor_cuts[i : i + 2]) for i in (middle[1:] or middle)[::-1]]
-    return min(floors, key=lambda rows: float((labels[rows] == FacadeClass.BALCONY).mean()))
+    return min(floors, key=lambda rows: float(np.isin(labels[rows], (FacadeClass.BALCONY, FacadeClass.ROOF)).mean()))
 
 
-def _show_windows(image: UInt8Array, labels: UInt8Array, found: FloorsAndBays) -> tuple[UInt8Array, UInt8Array]:
+def _end_on_wall(
+    image: UInt8Array, labels: UInt8Array, cuts: Sequence[int], metres_per_pixel: float
+) -> tuple[UInt8Array, UInt8Array]:
+    """Replace what is below the windows of a floor, such as cornices and corbels, by the wall beside them.
+
+    Parameters
+    ----------
+    image, labels : the floor.
+    cuts : borders of its bays, pixels.
+    """
+    window = np.flatnonzero((labels == FacadeClass.WINDOW).any(axis=1))
+    shown = np.flatnonzero(np.isin(labels, (FacadeClass.WINDOW, FacadeClass.BALCONY)).any(axis=1))
+    sill = round(GROUND_FLOOR.sill_m / metres_per_pixel)
+    if not len(window) or (missing := len(labels) - int(shown[-1]) - 1 - sill) <= 0:
+        return image, labels
+    band, image, labels = slice(int(window[0]), int(window[-1]) + 1), image.copy(), labels.copy()
+    wall = image[band].copy(), labels[band].copy()
+    for left, right in pairwise(cuts):
+        _clear_bay(*wall, slice(None), slice(left, right), round(ENTRANCES.door_margin_m / metres_per_pixel))
+    rows = np.resize(np.concatenate([np.arange(len(wall[1]))[::-1], np.arange(len(wall[1]))]), missing)
+    image[-missing:], labels[-missing:] = wall[0][rows], FacadeClass.WALL
+    return image, labels
+
+
+def _show_windows(
+    image: UInt8Array, labels: UInt8Array, found: FloorsAndBays, metres_per_pixel: float
+) -> tuple[UInt8Array, UInt8Array]:
     """Show a residential floor as it is in place of the ground floor, in the light of the floor above."""
     top, source_rows = found.ground_top, _residential_floor(found, labels)
-    bays = [slice(a, b) for a, b in pairwise((0, *found.bay_cuts[1:-1], labels.shape[1]))]
+    height, cuts = source_rows.stop - source_rows.start, (0, *found.bay_cuts[1:-1], labels.shape[1])
+    bays = [slice(a, b) for a, b in pairwise(cuts)]
     plain = [not (labels[source_rows, bay] == FacadeClass.BALCONY).any() for bay in bays]
     gain = _wall_gain(_wall_colour(image, labels, _lowest_upper_floor(found)), _wall_colour(image, labels, source_rows))
-    height = source_rows.stop - source_rows.start
+    copied = _end_on_wall(image[source_rows], labels[source_rows], cuts, metres_per_pixel)
     new_image, new_labels = (
         np.concatenate([one[:top], np.empty((height, *one.shape[1:]), np.uint8)]) for one in (image, labels)
     )
     for number, bay in enumerate(bays):
         # The nearest bay without balconies, the bay itself first.
         nearest = min(range(len(bays)), key=lambda other: (any(plain) and not plain[other], abs(other - number)))
-        source = np.clip(np.rint(image[source_rows, bays[nearest]] * gain), 0, 255).astype(np.uint8)
-        _paste((new_image[top:, bay], new_labels[top:, bay]), (source, labels[source_rows, bays[nearest]]))
+        source = np.clip(np.rint(copied[0][:, bays[nearest]] * gain), 0, 255).astype(np.uint8)
+        _paste((new_image[top:, bay], new_labels[top:, bay]), (source, copied[1][:, bays[nearest]]))
     return new_image, new_labels
 
 

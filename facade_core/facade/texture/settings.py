@@ -137,6 +137,7 @@ class GroundFloorSettings:
     max_entrance_offset_m : largest distance of a mapped entrance from a door or a shop, metres.
     free_tolerance_m : metres by which a ground floor may extend beyond the free part of its wall.
     max_gain, max_tint : largest factors by which another floor is lightened or darkened, and a colour of it beyond that.
+    sill_m : height of the sill below windows, metres.
     """
 
     min_element_share: float = 0.12
@@ -154,6 +155,7 @@ class GroundFloorSettings:
     free_tolerance_m: float = 0.1
     max_gain: float = 1.8
     max_tint: float = 1.15
+    sill_m: float = 0.15
 
 
 GROUND_FLOOR = GroundFloorSettings()
