@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -139,12 +139,10 @@ def metres_per_height_unit(crs: CRS | str | None) -> float:
     return min(1.0, float(parts[0].axis_info[0].unit_conversion_factor)) if parts[0].is_projected else 1.0
 
 
-def stated_geoid_separation(names: Iterable[str]) -> float | Literal["auto"] | None:
-    """Return what systems state of their heights: "auto" above the sea, 0 above the ellipsoid, None where they do not agree."""
+def have_heights_above_sea(names: Iterable[str]) -> bool:
+    """Return whether all systems, of which there is one at least, have a vertical part."""
     frames = [_crs_with_heights(name) for name in names]
-    if frames and all(part.is_vertical for frame in frames for part in frame.sub_crs_list[1:] or [frame]):
-        return "auto"
-    return 0.0 if frames and all(not frame.is_compound and len(frame.axis_info) == 3 for frame in frames) else None
+    return bool(frames) and all(any(part.is_vertical for part in frame.sub_crs_list) for frame in frames)
 
 
 @lru_cache(maxsize=64)

@@ -35,7 +35,7 @@ from tasks.engine.compute.connect import Compute, connect
 from tasks.engine.compute.distributed_map import map_on_workers
 from tasks.engine.fan_out import BATCHES_AT_ONCE, make_batches, process_batch
 from tasks.engine.forecast import describe_rejected_inputs, forecast_work
-from tasks.engine.outcome import UnitOutcomeCounts, list_reasons, list_units_with_rejections
+from tasks.engine.outcome import UnitOutcomeCounts, count_set_aside, list_reasons, list_units_with_rejections
 from tasks.engine.pending import PendingUnits, find_pending_units
 from tasks.engine.progress import begin_stage
 from tasks.engine.run import Run
@@ -190,7 +190,7 @@ def _texture_block(
             outcome += ended
         require_disk_space(run.local)
         published = submit(publish_block, run, entry.source).result()
-    outcome += UnitOutcomeCounts(refused=tuple((unit, reason) for _, unit, reason in outline.set_aside))
+    outcome += count_set_aside(outline.set_aside)
     unpublished = published.pop("unpublished", [])
     return published | {
         "out": run.out,

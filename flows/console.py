@@ -81,8 +81,9 @@ class ProgressLines:
             parts.append(f"in {format_duration(seconds)}")
         elif 10 * done >= event.total - event.earlier:  # units of this run only; those of earlier runs took no time
             whole = seconds * (event.total - event.earlier) / done
-            revised = "revised: " if whole > 1.5 * self._expected.setdefault(event.stage, whole) else ""
-            self._expected[event.stage] = whole
+            told = self._expected.get(event.stage, whole)
+            revised = "revised: " if whole > 1.5 * told else ""
+            self._expected[event.stage] = whole if revised else min(whole, told)
             parts.append(f"{revised}about {format_duration(whole - seconds)} left")
         return ", ".join(parts)
 

@@ -60,7 +60,7 @@ def run(block: Path, out: Path, workers: int) -> Ran:
     output, _ = process.communicate()
     ran.ended = time.time()
     watcher.join()
-    if process.returncode not in (0, 1):  # 1: units of the map are set aside, the rest is done
+    if process.returncode not in (0, 1):  # 1: units failed, the rest is done
         raise SystemExit(f"{block}: the run ended with {process.returncode}; its error is above")
     ran.summary = json.loads(output.strip().splitlines()[-1])
     return ran

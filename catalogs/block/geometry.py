@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import shapely
@@ -26,7 +26,7 @@ from catalogs.buildings.assembly import BlockBuildings, assemble_buildings
 from catalogs.buildings.axis_mistakes import SWAPPED_AXES_NOTE, note_local_coordinates, swapped_places
 from catalogs.buildings.extents import Bounds, check_area_span, locate_boxes, reject_stray_buildings
 from catalogs.buildings.surface_heights import measure_assumed_heights
-from catalogs.crs import LONLAT, bounds_to_lonlat, coordinate_transform, stated_geoid_separation
+from catalogs.crs import LONLAT, bounds_to_lonlat, coordinate_transform, have_heights_above_sea
 from catalogs.features import CentrelinesAndGround, Fault, Remark, feature_ids_by_reason, format_reason_notes
 from catalogs.printable_text import format_unit_reason
 from catalogs.readers.vectors.points_of_interest import read_shops_and_entrances
@@ -60,7 +60,7 @@ class BlockGeometry:
     faults : broken units.
     shops : (x, y) of mapped shops and of likely ones; None without a map.
     entrances : (x, y) of mapped entrances.
-    geoid_separation : what the CRSs of the buildings state of it (see `stated_geoid_separation`).
+    has_heights_above_sea : whether the CRSs of all buildings say so.
     """
 
     crs: CRS
@@ -72,7 +72,7 @@ class BlockGeometry:
     faults: tuple[Fault, ...]
     shops: tuple[tuple[float, float], ...] | None = None
     entrances: tuple[tuple[float, float], ...] = ()
-    geoid_separation: float | Literal["auto"] | None = None
+    has_heights_above_sea: bool = False
 
 
 class _BlockArea(NamedTuple):
@@ -106,7 +106,7 @@ def read_geometry(keys: BlockFileSettings, files: NamedFiles, file: BlockFileErr
             "buildings", keys, files, bounds, [fault for source in sources for fault in source.faults], file
         )
     frame, area, notes = choose_frame(keys, sources, bounds, file)
-    separation = stated_geoid_separation(source.crs for source in sources if source.items and source.crs)
+    above_sea = have_heights_above_sea(source.crs for source in sources if source.items and source.crs)
     built = assemble_buildings(sources, frame, area=area, floor_height=keys.storey)
     if not built.items:
         raise _empty_error("buildings", keys, files, bounds, built.faults, file, built.notes)
@@ -123,7 +123,7 @@ def read_geometry(keys: BlockFileSettings, files: NamedFiles, file: BlockFileErr
         ground = file.call_reader("ground.path", build_block_ground, lying, frame, around, area)
         opened = open_passages(built.items, CentrelinesAndGround(None, ()), lying, frame)
         built, notes = replace(built, items=opened.buildings), notes + format_reason_notes(opened.reasons)
-        return BlockGeometry(frame, built, (), ground, extent, notes, built.faults, shops, entrances, separation)
+        return BlockGeometry(frame, built, (), ground, extent, notes, built.faults, shops, entrances, above_sea)
     ground = file.call_reader("streets.path", build_block_ground, [centrelines, *lying], frame, around, area)
     if shops is not None:
         passages = passage_ids([centrelines, *lying])
@@ -134,7 +134,7 @@ def read_geometry(keys: BlockFileSettings, files: NamedFiles, file: BlockFileErr
     )
     built = replace(built, items=buildings)
     faults = (*built.faults, *broken)
-    return BlockGeometry(frame, built, streets, ground, extent, notes + cut, faults, shops, entrances, separation)
+    return BlockGeometry(frame, built, streets, ground, extent, notes + cut, faults, shops, entrances, above_sea)
 
 
 def _measure_heights(

@@ -169,7 +169,7 @@ def build_block(keys: BlockFileSettings, file: BlockFileErrorContext) -> Block:
     frame, built, extent = geometry.crs, geometry.buildings, geometry.extent
     terrain = _read_terrain(files, frame, extent, file)
     buildings, cut = cut_buried_feet(built.items, terrain)
-    stated = geometry.geoid_separation if keys.geoid_separation is None else keys.geoid_separation
+    stated = "auto" if keys.geoid_separation is None and geometry.has_heights_above_sea else keys.geoid_separation
     separation, geoid_notes = resolve_geoid_separation(stated, frame.to_wkt(), extent)
     height = keys.texture.viewpoint_height
     correct = partial(correct_camera_heights, buildings=buildings, elevation=terrain, camera_height=height)

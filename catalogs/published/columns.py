@@ -107,7 +107,7 @@ COLUMNS = (
     ),
     ItemColumn(
         "kind", TEXT, "", "",
-        f"facade, or the kind of a unit that was set aside for the given `reason`: {', '.join(ITEM_KINDS[1:])}",
+        f"facade, or the kind of a unit that failed, or of an input that was refused, for the given `reason`: {', '.join(ITEM_KINDS[1:])}",
         lambda _: "facade", required=True,
     ),
     ItemColumn(

@@ -82,7 +82,8 @@ def resolve_crs_axes(
     horizontal = next((part for part in parts if not part.is_vertical), None)
     if horizontal is None:
         return CoordinateAxes(), "names of a CRS that are not understood"
-    is_whole = len(codes) == 1 or [part.is_vertical for part in parts] == [False, True]
+    is_compound = len(parts) == 2 and parts[1].is_vertical and len(horizontal.axis_info) == 2
+    is_whole = len(codes) == 1 or is_compound
     crs = f"EPSG:{'+'.join(map(str, codes))}" if is_whole else horizontal.to_string()
     if horizontal.is_geocentric:
         raise InputError(f"{path} is in geocentric {crs}; reproject it to a projected CRS in metres")

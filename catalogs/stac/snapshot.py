@@ -145,7 +145,7 @@ def _collection_words(rows: Sequence[ItemRow], facts: SnapshotFacts) -> dict[str
     """Return what each Collection holds, in words."""
     facades = [row for row in rows if row["kind"] == "facade"]
     failed = sum(row["status"] == "failed" for row in facades)
-    done = {"done": len(facades) - failed, "failed": failed, "units set aside": len(rows) - len(facades)}
+    done = {"done": len(facades) - failed, "failed": failed, "other units failed or refused": len(rows) - len(facades)}
     streets = {state: count for state, count in _count_states(facts.streets).items() if count}
     units = facts.run.units.values() if facts.run else ()
     return {

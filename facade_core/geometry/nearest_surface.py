@@ -7,6 +7,7 @@ import numpy as np
 from facade_core.core.arrays import Float64Array, Int32Array, Int64Array
 from facade_core.core.numba_cache import njit
 from facade_core.geometry.charts import Mesh
+from facade_core.geometry.raycast import MISS
 from facade_core.geometry.triangle_groups import GROUP_SIZE, group_triangles
 from facade_core.geometry.tuple_vectors import Vector, cross, dot, move, subtract, vector
 
@@ -17,10 +18,11 @@ class NearestSurface:
     def __init__(self, mesh: Mesh) -> None:
         self._centre = mesh.vertices.mean(axis=0)
         self._groups = group_triangles((mesh.vertices - self._centre)[mesh.triangles])
-        self._chart = np.asarray(mesh.chart[self._groups.order], np.int32)
+        # the last entry serves points without a place
+        self._chart = np.append(mesh.chart[self._groups.order], MISS).astype(np.int32)
 
     def find(self, points: Float64Array) -> tuple[Float64Array, Int32Array]:
-        """Return the nearest points (n, 3) of the mesh to world points (n, 3), and their charts (n,)."""
+        """Return the nearest points (n, 3) of the mesh to world points (n, 3), and their charts (n,); NaN and MISS for NaN."""
         nearest, triangle = _find_nearest(
             points - self._centre, self._groups.corners, self._groups.low, self._groups.high
         )
@@ -32,7 +34,7 @@ def _find_nearest(
     points: Float64Array, corners: Float64Array, low: Float64Array, high: Float64Array
 ) -> tuple[Float64Array, Int64Array]:
     """Return the nearest points (n, 3) of grouped triangles to points (n, 3), and their triangles (n,)."""
-    nearest, triangle = np.empty_like(points), np.zeros(len(points), np.int64)
+    nearest, triangle = np.full_like(points, np.nan), np.full(len(points), -1)
     to_box = np.empty(len(low))
     for n in range(len(points)):
         p, least = vector(points[n]), np.inf

@@ -70,10 +70,10 @@ class BackgroundRun:
 def describe_outcome(summary: JsonObject) -> str:
     """Return the outcome of a run in one line."""
     counts = f"{format_count(summary['units_done'], 'unit')} done, {summary['units_skipped']} were done before"
-    failures = summary["failures"] + summary["refused"]
-    if not failures:
-        if summary["units_done"]:
-            return counts
-        return f"there is nothing to do: all {summary['units_skipped']} units were done before"
-    first, more = failures[0], len(failures) - 1
-    return f"{counts}; {first['unit']}: {first['reason']}{f'; and {more} more' if more else ''}"
+    if not (summary["units_done"] or summary["failures"]):
+        counts = f"there is nothing to do: all {summary['units_skipped']} units were done before"
+    for key, word in (("failures", "failed"), ("refused", "refused")):
+        if found := summary[key]:
+            more = f"; and {len(found) - 1} more" if len(found) > 1 else ""
+            counts += f"; {word} {found[0]['unit']}: {found[0]['reason']}{more}"
+    return counts

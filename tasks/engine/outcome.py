@@ -65,6 +65,9 @@ NO_MEMORY_TEXTS = (
     "failed to map segment",
 )
 
+# Unit that is set aside where no wall of the block is at a street.
+ALL_BUILDINGS = "all buildings"
+
 _MAX_REASON_LENGTH = 300
 
 
@@ -108,6 +111,13 @@ class UnitOutcomeCounts:
             self.failed + other.failed,
             self.refused + other.refused,
         )
+
+
+def count_set_aside(set_aside: Iterable[Sequence[str]]) -> UnitOutcomeCounts:
+    """Count inputs that were set aside, (kind, unit, reason), as refused; a block without facades has failed."""
+    units = [(unit, reason) for _, unit, reason in set_aside]
+    failed = tuple(one for one in units if one[0] == ALL_BUILDINGS)
+    return UnitOutcomeCounts(failed=failed, refused=tuple(one for one in units if one not in failed))
 
 
 def list_reasons(units: Iterable[tuple[str, str]]) -> list[dict[str, str]]:

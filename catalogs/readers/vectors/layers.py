@@ -356,11 +356,11 @@ def _check_unpacked_size(path: Path, file: pq.ParquetFile, columns: list[str]) -
 
 
 def _crs_name(frame: GeoDataFrame) -> str | None:
-    """Return EPSG:n of the horizontal part, else WKT; None for a local system, and for degrees that are none."""
+    """Return EPSG:n, else WKT, without heights next to degrees; None for a local system, and for degrees that are none."""
     crs = frame.crs
     if crs is None:
         return None
-    if crs.is_compound:
+    if crs.is_compound and not crs.sub_crs_list[0].is_projected:
         crs = crs.sub_crs_list[0]
     if crs.is_engineering or crs.name.lower().startswith("undefined"):
         return None

@@ -20,7 +20,7 @@ from facade_core.core.errors import InputError, StoreError
 from facade_core.core.json_types import JsonObject
 from facade_core.core.zarr_types import StoreGroup
 from tasks.engine.inputs import CODE, split_key
-from tasks.engine.outcome import list_reasons, list_units_with_rejections
+from tasks.engine.outcome import count_set_aside, list_reasons
 from tasks.engine.run import Run
 from tasks.engine.stage import all_stages, read_journals
 from tasks.engine.stage_code import join_code_versions, stage_code_digest
@@ -106,9 +106,14 @@ def completion_summary(run: Run) -> JsonObject | None:
     except (StoreError, *DAMAGE_ERRORS):
         return None
     summary = snapshot_folder(run.folder, session.snapshot_id).read_run_summary()
-    told = [*((unit, reason) for _, unit, reason in group.attrs["set_aside"]), *list_units_with_rejections(records)]
-    counts = {"units_skipped": len(records) + 1, "units_done": 0, "failures": [], "refused": list_reasons(told)}
-    return summary | {"out": run.out} | counts
+    outcome = count_set_aside(group.attrs["set_aside"]).add(filter(None, records))
+    return summary | {
+        "out": run.out,
+        "units_skipped": len(records) + 1,
+        "units_done": 0,
+        "failures": list_reasons(outcome.failed),
+        "refused": list_reasons(outcome.refused),
+    }
 
 
 def store_code_version(group: StoreGroup) -> str:

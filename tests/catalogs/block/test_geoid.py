@@ -9,7 +9,7 @@ import pytest
 from catalogs.block.geoid import geoid_height
 from catalogs.block.key_faults import validate_block_settings
 from catalogs.block.reader import read_block
-from catalogs.crs import stated_geoid_separation
+from catalogs.crs import have_heights_above_sea
 from tests.pipeline.stages import write_block
 
 KEYS = {"name": "a", "buildings": {"path": "a.geojson"}}
@@ -44,19 +44,18 @@ def test_an_automatic_separation_is_that_of_the_model_with_a_note(tmp_path: Path
 
 
 @pytest.mark.parametrize(
-    ("names", "stated"),
+    ("names", "above"),
     [
-        (["EPSG:7415"], "auto"),
-        (["EPSG:25832+5783", "EPSG:7415"], "auto"),
-        (["EPSG:4979"], 0.0),
-        (["EPSG:28992"], None),
-        (["EPSG:7415", "EPSG:28992"], None),
-        (["EPSG:7415", "EPSG:4979"], None),
-        ([], None),
+        (["EPSG:7415"], True),
+        (["EPSG:25832+5783", "EPSG:7415"], True),
+        (["EPSG:4979"], False),
+        (["EPSG:28992"], False),
+        (["EPSG:7415", "EPSG:28992"], False),
+        ([], False),
     ],
 )
-def test_systems_state_what_their_heights_are_above(names: list[str], stated: float | str | None) -> None:
-    assert stated_geoid_separation(names) == stated
+def test_systems_state_what_their_heights_are_above(names: list[str], above: bool) -> None:
+    assert have_heights_above_sea(names) == above
 
 
 def test_heights_above_the_sea_have_the_separation_of_the_model(tmp_path: Path) -> None:

@@ -34,6 +34,7 @@ COMPOUND = "http://www.opengis.net/def/crs-compound?1=http://www.opengis.net/def
         ("urn:adv:crs:ETRS89_UTM33*DE_DHHN2016_NH", "EPSG:25833+7837", "EPSG:25833"),
         ("urn:adv:crs:DE_DHDN_3GK4*DE_DHHN92_NH", "EPSG:31468+5783", "EPSG:31468"),
         ("urn:ogc:def:crs:OGC:1.3:CRS84", "EPSG:4326", "EPSG:4326"),
+        (COMPOUND.format(4937, 7837), "EPSG:4937", "EPSG:4937"),  # a system of three axes has no compound
     ],
 )
 def test_spellings(name: str, crs: str, horizontal: str) -> None:
