@@ -61,9 +61,10 @@ def measure(page: Page, address: str) -> dict[str, Any]:
 
 def film(page: Page, address: str, to: Path) -> None:
     """Write a walk along the street where the page opens, and a look around, as an animated picture."""
-    page.goto(f"{address}/#/map")
     page.goto(f"{address}/#/model")
+    page.wait_for_selector("#model")
     page.wait_for_function(f"{STATE}.stands === 'true' && {STATE}.missing === '0'")
+    page.locator("#model").focus()
     page.wait_for_timeout(2000)
     frames = []
     for number in range(FRAMES):

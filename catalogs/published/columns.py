@@ -107,7 +107,8 @@ COLUMNS = (
     ),
     ItemColumn(
         "kind", TEXT, "", "",
-        f"facade, or the kind of a unit that failed, or of an input that was refused, for the given `reason`: {', '.join(ITEM_KINDS[1:])}",
+        "facade, or the kind of a unit that failed, or of an input that was refused, for the given `reason`: "
+        f"{', '.join(ITEM_KINDS[1:])}",
         lambda _: "facade", required=True,
     ),
     ItemColumn(
