@@ -28,8 +28,8 @@ FRAMES, STEP_MS, SHOWN_MS = 48, 350, 120
 FILM_SIZE = (800, 410)
 
 
-def measure(page: Page, address: str) -> dict[str, Any]:
-    """Open the page, and turn, walk and look from above for six seconds each."""
+def open_model(page: Page, address: str) -> tuple[float, float]:
+    """Open the 3D page; returns the seconds until its first model is shown, and all."""
     begun, first = time.time(), 0.0
     page.goto(f"{address}/#/model")
     page.wait_for_selector("#model")
@@ -37,9 +37,13 @@ def measure(page: Page, address: str) -> dict[str, Any]:
         state = page.evaluate(STATE)
         first = first or (time.time() - begun if int(state.get("models") or 0) else 0.0)
         if state.get("stands") == "true" and state.get("missing") == "0" and state.get("coming") == "0":
-            break
+            return round(first, 1), round(time.time() - begun, 1)
         page.wait_for_timeout(100)
-    found: dict[str, Any] = {"first_model": round(first, 1), "all_models": round(time.time() - begun, 1)}
+
+
+def measure(page: Page, address: str) -> dict[str, Any]:
+    """Open the page, and turn, walk and look from above for six seconds each."""
+    found: dict[str, Any] = dict(zip(("first_model", "all_models"), open_model(page, address), strict=True))
     page.wait_for_timeout(1500)
     for what, key in (("turn", "e"), ("walk", "w"), ("bird", "e")):
         if what == "bird":
@@ -61,9 +65,7 @@ def measure(page: Page, address: str) -> dict[str, Any]:
 
 def film(page: Page, address: str, to: Path) -> None:
     """Write a walk along the street where the page opens, and a look around, as an animated picture."""
-    page.goto(f"{address}/#/model")
-    page.wait_for_selector("#model")
-    page.wait_for_function(f"{STATE}.stands === 'true' && {STATE}.missing === '0'")
+    open_model(page, address)
     page.locator("#model").focus()
     page.wait_for_timeout(2000)
     frames = []
