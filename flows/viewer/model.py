@@ -105,7 +105,7 @@ def _read_tiles(snapshot: SnapshotFolder[Folder]) -> list[JsonObject]:
     if not listed:
         raise StoreError("the model has no tiles: nothing was textured; the page Run says why")
     for tile in listed:
-        if not _TILE_PATH.fullmatch(tile["path"]):
+        if not _TILE_PATH.fullmatch(str(tile["path"])):
             raise InputError(f"tiles/index.json names {tile['path']!r}, which is no tile; {snapshot.remedy}")
     return listed
 

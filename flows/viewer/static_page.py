@@ -45,7 +45,7 @@ class StaticPageWriter:
     """
 
     def __init__(self, application: Starlette, folder: Path, say: Callable[[str], None]) -> None:
-        self._application, self._folder, self._say = application, folder.resolve(), say
+        self._application, self._folder, self._say = application, Path(os.path.realpath(folder)), say
         self._new = self._folder / ".streetloom-page"  # on the same disk, until all is there
         self._former = _read_list(self._folder)
 

@@ -105,6 +105,9 @@ def test_nothing_outside_the_folder_is_touched(tmp_path: Path) -> None:
     write(tmp_path / "link")
     write(tmp_path / "link")
     assert (tmp_path / "elsewhere" / "index.html").is_file()
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    with pytest.raises(OSError, match="loop"):
+        write(tmp_path / "loop")
 
 
 def test_a_block_without_a_model_is_left_out(tmp_path: Path) -> None:
