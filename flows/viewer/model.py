@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Sequence
 
 from catalogs.published.folders import Folder
@@ -15,6 +16,8 @@ from tasks.viewing.start_view import choose_start_view
 # Metres of a texel that are assumed of the overview and of tiles: a client loads a tile where the overview is too coarse.
 OVERVIEW_TEXEL_M, TILE_TEXEL_M = 0.2, 0.06
 OVERVIEW = "overview.glb"
+# Cell of the grid, and its part in the quadtree, as facade_core.export.tiles.quadtree names them.
+_TILE_PATH = re.compile(r"-?[0-9]{1,12}_-?[0-9]{1,12}(_[0-3]{1,60})?")
 
 
 def block_tileset(out: Folder, snapshot_id: str) -> JsonObject:
@@ -101,6 +104,9 @@ def _read_tiles(snapshot: SnapshotFolder[Folder]) -> list[JsonObject]:
     listed: list[JsonObject] = json.loads(snapshot.tiles.read_text("utf-8"))["tiles"]
     if not listed:
         raise StoreError("the model has no tiles: nothing was textured; the page Run says why")
+    for tile in listed:
+        if not _TILE_PATH.fullmatch(str(tile["path"])):
+            raise InputError(f"tiles/index.json names {tile['path']!r}, which is no tile; {snapshot.remedy}")
     return listed
 
 

@@ -211,7 +211,7 @@ class RunView:
             config_digest="",
         )
         row: dict[str, object] = {column.name: column.fill(source) for column in SHOWN_COLUMNS if column.fill}
-        row |= {"id": facades.id[index], "line": _round_to_list(tables.line[index] - corner)}
+        row |= {"id": facades.id[index], "street_id": street["id"], "line": _round_to_list(tables.line[index] - corner)}
         if record:
             row["reason"] = record.get("reason")
             row["look_first"] = review_priority(facades, index, record, cast(str | None, row["quality"]))

@@ -39,8 +39,7 @@ const between = (value, least, most) => Math.min(Math.max(value, least), Math.ma
 
 // A box elsewhere on a wall of size [w, h].
 export function moved(box, dx, dy, [width, height]) {
-  const x = between(dx, -box.x0, width - box.x1);
-  const y = between(dy, -box.y0, height - box.y1);
+  const [x, y] = [between(dx, -box.x0, width - box.x1), between(dy, -box.y0, height - box.y1)];
   return { ...box, x0: box.x0 + x, x1: box.x1 + x, y0: box.y0 + y, y1: box.y1 + y };
 }
 
@@ -63,14 +62,8 @@ export function spanned(label, a, b, [width, height]) {
 
 // How far it is from some places to a line, of all the least, if that is within reach; else 0.
 function pull(places, lines, reach) {
-  let best = 0;
-  let least = reach;
-  for (const place of places) {
-    for (const line of lines) {
-      if (Math.abs(line - place) <= least) [best, least] = [line - place, Math.abs(line - place)];
-    }
-  }
-  return best;
+  const ways = places.flatMap((place) => lines.map((line) => line - place)).filter((way) => Math.abs(way) <= reach);
+  return ways.sort((a, b) => Math.abs(a) - Math.abs(b))[0] || 0;
 }
 
 // A box of which some edges were dragged, or the whole (null), drawn to lines {rows, columns} within reach, texels.

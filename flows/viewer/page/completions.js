@@ -1,6 +1,6 @@
 // Ranked completions of a facade as thumbnails; choosing one is a step of the editor, undone and saved as others are.
 
-import { element } from "./elements.js";
+import { element, visible } from "./elements.js";
 
 export class Completions {
   // asked: completes boxes as `Editor.observations` has them, at the server.
@@ -38,7 +38,7 @@ export class Completions {
   }
 
   say(text, failed = false) {
-    this.told.textContent = text;
+    this.told.textContent = visible(text);
     this.told.classList.toggle("failed", failed);
   }
 

@@ -4,7 +4,7 @@
 import { Completions } from "./completions.js";
 import { Editor, MASKS } from "./editor.js";
 import { said } from "./columns.js";
-import { ask, blockPage, element, facadeAddress, legend, openBase, picture } from "./elements.js";
+import { ask, blockPage, element, facadeAddress, legend, openBase, picture, visible } from "./elements.js";
 import { Photos } from "./photos.js";
 
 const LOOK_AGAIN_MS = 1000;
@@ -63,7 +63,7 @@ class Correcting {
   }
 
   tell(text, failed) {
-    this.running.textContent = text;
+    this.running.textContent = visible(text);
     this.running.classList.toggle("failed", failed);
   }
 
@@ -307,7 +307,7 @@ class Page {
   // Whether corrections are kept now; says so, or why they are not.
   async send(corrections) {
     const say = (text, failed) => {
-      this.result.textContent = text;
+      this.result.textContent = visible(text);
       this.result.classList.toggle("failed", failed);
     };
     try {

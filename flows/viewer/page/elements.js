@@ -8,7 +8,7 @@ export function element(name, attributes = {}, ...children) {
     : document.createElement(name);
   for (const [key, value] of Object.entries(attributes)) {
     if (key.startsWith("on")) made.addEventListener(key.slice(2), value);
-    else if (value !== null && value !== undefined && value !== false) made.setAttribute(key, value === true ? "" : value);
+    else if (value !== null && value !== undefined && value !== false) made.setAttribute(key, value === true ? "" : /^(alt|title|aria-.*)$/.test(key) ? visible(String(value)) : value);
   }
   made.append(...children.filter((child) => child !== null).map((child) => (typeof child === "string" ? visible(child) : child)));
   return made;
@@ -34,12 +34,13 @@ export const openBase = () => open.base;
 export const openNumber = () => open.number;
 export const blockPage = (page) => `#/${open.prefix}${page}`;
 
-// A page without a server reads each answer from a file, whose folders are the values asked for: flows/viewer/static_page.py writes them.
+// A page without a server reads each answer from a file, named by a digest (FNV-1a) of each value asked for: flows/viewer/static_page.py writes them.
 export const isStatic = document.querySelector("meta[name=static]") !== null;
+const digest = (text) => new TextEncoder().encode(text).reduce((hash, byte) => BigInt.asUintN(64, (hash ^ BigInt(byte)) * 0x100000001b3n), 0xcbf29ce484222325n).toString(16);
 function filed(path, ending) {
   if (!isStatic) return path;
   const [name, query] = path.split("?");
-  const values = [...new URLSearchParams(query)].filter(([key]) => key !== "of" && key !== "height").map(([, value]) => encodeURIComponent(encodeURIComponent(value)));
+  const values = [...new URLSearchParams(query)].filter(([key]) => key !== "of" && key !== "height").map(([, value]) => digest(value));
   return [name, ...values].join("/") + ending;
 }
 

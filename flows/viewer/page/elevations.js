@@ -2,19 +2,15 @@
 
 import { evidenceColour, evidenceLegend } from "./columns.js";
 import { blockPage, element, facadeAddress, picture } from "./elements.js";
+import { placeAt } from "./geometry.js";
 
 const SCALES = [4, 8, 16]; // pixels of a metre
 const BAR_PX = 6;
 
 // Facades of a street on its left and on its right, from left to right as one faces them.
-function sides(block, { name, id, line }) {
-  const [[x0, y0], [x1, y1]] = [line[0], line.at(-1)];
-  const [east, north] = [x1 - x0, y1 - y0];
-  const fronts = block.facades.filter(({ street, role }) => role === "street" && (street === name || street === id)).map((facade) => {
-    const [x, y] = [0, 1].map((axis) => (facade.line[0][axis] + facade.line[1][axis]) / 2);
-    return { facade, along: (x - x0) * east + (y - y0) * north, left: east * (y - y0) - north * (x - x0) > 0 };
-  });
-  const sorted = fronts.sort((a, b) => a.along - b.along);
+export function sides(block, { id, line }) {
+  const fronts = block.facades.filter((facade) => facade.role === "street" && facade.street_id === id);
+  const sorted = fronts.map((facade) => ({ facade, ...placeAt(line, facade.line) })).sort((a, b) => a.along - b.along || a.beyond - b.beyond);
   return [sorted.filter(({ left }) => left), sorted.filter(({ left }) => !left).reverse()].map((side) => side.map(({ facade }) => facade));
 }
 
@@ -25,7 +21,7 @@ export function elevationsPage(block, scale = SCALES[1]) {
       element("img", { src: picture(facade.id, "texture", block.snapshot, 2 * height), alt: `Facade ${facade.id}`, loading: "lazy", width, height }),
       element("svg", { width, height: BAR_PX, "aria-hidden": "true" }, element("rect", { width, height: BAR_PX, fill: evidenceColour(facade) })));
   };
-  const strips = block.streets.flatMap((street) => sides(block, street).map((facades, side) => [street.name, ["left", "right"][side], facades]))
+  const strips = block.streets.flatMap((street) => sides(block, street).map((facades, side) => [street.name.trim() || street.id, ["left", "right"][side], facades]))
     .filter(([, , facades]) => facades.length);
   return [
     element("h2", {}, "Elevations"),

@@ -3,7 +3,7 @@
 
 import { Map as Engine, NavigationControl, ScaleControl, setWorkerUrl } from "./vendor/maplibre-gl.js";
 import { STATES } from "./city.js";
-import { element } from "./elements.js";
+import { element, visible } from "./elements.js";
 import { boxOf, distance, unite } from "./geometry.js";
 
 setWorkerUrl(new URL("vendor/maplibre-gl-worker.js", import.meta.url).href);
@@ -21,7 +21,7 @@ const pxPerMetre = (zoom) => (512 * 2 ** zoom) / (360 * DEGREE_M);
 
 const lngLat = (point) => point.map((value) => value / DEGREE_M);
 const ring = (points) => [...points, points[0]].map(lngLat);
-const feature = (type, coordinates, properties) => ({ type: "Feature", geometry: { type, coordinates }, properties });
+const feature = (type, coordinates, properties) => ({ type: "Feature", geometry: { type, coordinates }, properties: { ...properties, name: visible(properties.name || "") } });
 const collection = (features) => ({ type: "FeatureCollection", features });
 const SOURCES = ["blocks", "buildings", "streets", "facades", "walls", "marks"];
 const is = (name) => ["==", ["get", "kind"], name];

@@ -2,7 +2,7 @@
 
 import { STATES } from "./city.js";
 import { byEvidence, choices, colouring, columnLabel, said } from "./columns.js";
-import { blockBase, element, legend, picture } from "./elements.js";
+import { blockBase, element, legend, picture, visible } from "./elements.js";
 import { boxOf, unite } from "./geometry.js";
 import { BlockMap } from "./map.js";
 
@@ -93,7 +93,7 @@ export class MapPage {
 
   failed(number, error) {
     this.later.set(number, performance.now() + AGAIN_MS);
-    if (this.city.block(number)?.published) this.count.textContent = error.message;
+    if (this.city.block(number)?.published) this.count.textContent = visible(error.message);
   }
 
   fillChoices() {

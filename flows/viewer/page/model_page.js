@@ -74,12 +74,8 @@ async function standBefore(city, number, id) {
 // The facade whose wall is nearest to a place in world metres; null where none is near.
 function facadeAt(block, [east, north]) {
   const place = [east - block.origin[0], north - block.origin[1]];
-  let [best, least] = [null, REACH_M];
-  for (const facade of block.facades) {
-    const away = distance(place, facade.line);
-    if (away < least) [best, least] = [facade.id, away];
-  }
-  return best;
+  const [nearest] = block.facades.map(({ id, line }) => ({ id, away: distance(place, line) })).sort((a, b) => a.away - b.away);
+  return nearest?.away < REACH_M ? nearest.id : null;
 }
 
 // Where a walk begins: on a street of the block that is nearest to what the map shows; else a place to fly over.

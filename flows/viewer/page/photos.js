@@ -1,7 +1,7 @@
 // Deciding which walls photos show, those that `streetloom match` left to a person first: #/photos/NAME.
 
 import { Steps } from "./boxes.js";
-import { ask, blockPage, element, facadeAddress, picture } from "./elements.js";
+import { ask, blockPage, element, facadeAddress, picture, visible } from "./elements.js";
 import { smallMap } from "./map.js";
 
 // Metres around a photo's place that its map shows, and walls near it that it may show though they are no candidates.
@@ -240,7 +240,7 @@ export class Photos {
     const named = this.rows.filter((one) => this.steps.now[one.photo].facade).length;
     this.keep.textContent = `Save, and take ${named} photo${named === 1 ? "" : "s"}`;
     this.keep.disabled = !this.dirty() && (!named || this.taken);
-    this.told_.textContent = `${this.how(row)}; photo ${this.rows.indexOf(row) + 1} of ${this.rows.length}, ${left} left to you`;
+    this.told_.textContent = `${visible(this.how(row))}; photo ${this.rows.indexOf(row) + 1} of ${this.rows.length}, ${left} left to you`;
     this.list.replaceChildren(...this.rows.map((one) => element("tr", { "aria-current": one === row ? "true" : null },
       element("td", {}, element("a", { href: photoAddress(one.photo) }, one.photo)),
       element("td", {}, this.steps.now[one.photo].facade ? element("a", { href: facadeAddress(this.steps.now[one.photo].facade) }, this.steps.now[one.photo].facade) : "–"),
@@ -266,7 +266,7 @@ export class Photos {
   }
 
   say(text, failed) {
-    this.result.textContent = text;
+    this.result.textContent = visible(text);
     this.result.classList.toggle("failed", failed);
   }
 }

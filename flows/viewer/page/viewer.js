@@ -1,7 +1,7 @@
 // The viewer's page. Addresses: #/map, #/map/BLOCK, #/map/BLOCK/ID, #/model, #/model/BLOCK/ID, #/blocks; of a block, with #/block/BLOCK/ before them
 // where there are several: elevations, review, facade/ID, street/NUMBER/STEP, run; for who corrects edit/ID and photos/NAME.
 
-import { ask, blockBase, blockPage, element, facadeAddress, isStatic, openBlock, openNumber } from "./elements.js";
+import { ask, blockBase, blockPage, element, facadeAddress, isStatic, openBlock, openNumber, visible } from "./elements.js";
 import { blocksPage, facadePage, fate, reviewPage, runPage, streetPage } from "./block_pages.js";
 import { City } from "./city.js";
 import { elevationsPage } from "./elevations.js";
@@ -155,15 +155,15 @@ async function follow() {
     else mapPage?.fetchMaps();
     // a run opens with the photos that are to be decided, or with what is to be looked at
     if (byToken && !shown) history.replaceState(null, "", !city.single ? "#/map" : corrector()?.photos ? "#/photos" : "#/review");
-    document.title = `${city.said.name} · Streetloom`;
-    document.getElementById("title").textContent = city.said.name;
+    document.title = `${visible(city.said.name)} · Streetloom`;
+    document.getElementById("title").textContent = visible(city.said.name);
     if (blockChanged && corrector() && parse(shown).page === "edit") await corrector().renew(block, parse(shown).rest[0]);
     else if (!shown) await draw();
     else if ((changed || blockChanged) && calm()) await draw(true);
     state.textContent = city.single ? blockNews() : cityNews();
     later(city.single && progress?.ended ? 5 * LOOK_AGAIN_MS : LOOK_AGAIN_MS);
   } catch (error) {
-    state.textContent = city.said ? "The viewer does not answer; is it still running?" : error.message;
+    state.textContent = city.said ? "The viewer does not answer; is it still running?" : visible(error.message);
     later(LOOK_AGAIN_MS);
   }
 }
