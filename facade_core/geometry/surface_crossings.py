@@ -84,9 +84,12 @@ def _count_crossings(
                 if facet[t] != own[n]:
                     place = _distance(p, ahead, vector(corners[t, 0]), vector(corners[t, 1]), vector(corners[t, 2]))
                     if place > least:
-                        places[met] = place
-                        met += 1
-        crossed[n] = len(np.unique(places[:met]))
+                        places[met] = place  # counts unless it is there
+                        for other in range(met + 1):
+                            if places[other] == places[met]:
+                                met += other == met
+                                break
+        crossed[n] = met
     return crossed
 
 

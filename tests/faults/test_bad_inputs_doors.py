@@ -104,6 +104,7 @@ GOOD = {
     "textures": [],
     "aerial": None,
     "faults": [],
+    "geoid_separation": None,
     "part": {"CityPart": [[], [], [], [], []]},
 }
 PARTS: dict[str, object] = {

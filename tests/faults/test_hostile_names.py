@@ -58,7 +58,7 @@ def test_the_catalogue_holds_every_name_as_it_is(made: SimpleNamespace) -> None:
         assert list(query(made.out, where=f"building = '{quoted}' and role = 'street'").building) == [name]
     [aside] = rows[rows.kind == "exemplar"].itertuples()
     assert aside.id == BROKEN
-    assert aside.status == "failed"
+    assert aside.status == "refused"
     assert list(rows[rows.photo > 0].building) == [CONTROLS]
 
 

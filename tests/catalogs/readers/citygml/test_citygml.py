@@ -328,16 +328,16 @@ def test_parts_stay_whole_and_hulls_are_not_added(tmp_path: Path) -> None:
         ("urn:ogc:def:crs:EPSG:6.12:25832", "EPSG:25832"),
         ("http://www.opengis.net/def/crs/EPSG/0/25832", "EPSG:25832"),
         ("http://www.opengis.net/gml/srs/epsg.xml#25832", "EPSG:25832"),
-        ("urn:ogc:def:crs,crs:EPSG::25832,crs:EPSG::5783", "EPSG:25832"),
-        ("urn:ogc:def:crs,crs:EPSG:6.12:25832,crs:EPSG:6.12:5783", "EPSG:25832"),
-        ("urn:adv:crs:ETRS89_UTM32*DE_DHHN92_NH", "EPSG:25832"),
-        ("urn:adv:crs:ETRS89_UTM32*DE_DHHN2016_NH", "EPSG:25832"),
+        ("urn:ogc:def:crs,crs:EPSG::25832,crs:EPSG::5783", "EPSG:25832+5783"),
+        ("urn:ogc:def:crs,crs:EPSG:6.12:25832,crs:EPSG:6.12:5783", "EPSG:25832+5783"),
+        ("urn:adv:crs:ETRS89_UTM32*DE_DHHN92_NH", "EPSG:25832+5783"),
+        ("urn:adv:crs:ETRS89_UTM32*DE_DHHN2016_NH", "EPSG:25832+7837"),
         ("EPSG:5555", "EPSG:5555"),
-        ("EPSG:25832+5783", "EPSG:25832"),
+        ("EPSG:25832+5783", "EPSG:25832+5783"),
         (
             "http://www.opengis.net/def/crs-compound?1=http://www.opengis.net/def/crs/EPSG/0/25832"
             "&amp;2=http://www.opengis.net/def/crs/EPSG/0/5783",
-            "EPSG:25832",
+            "EPSG:25832+5783",
         ),
     ],
 )
@@ -351,7 +351,7 @@ def test_spellings_of_a_frame(tmp_path: Path, srs: str, crs: str) -> None:
 @pytest.mark.parametrize(("zone", "code"), [(31, 25831), (33, 25833)])
 def test_other_zones_of_the_german_surveys(tmp_path: Path, zone: int, code: int) -> None:
     path = write(tmp_path, building(box(**UTM)), srs=f"urn:adv:crs:ETRS89_UTM{zone}*DE_DHHN2016_NH")
-    assert read_citygml(path).crs == f"EPSG:{code}"
+    assert read_citygml(path).crs == f"EPSG:{code}+7837"
 
 
 @pytest.mark.parametrize("srs", ["EPSG:6697", "http://www.opengis.net/def/crs/EPSG/0/6697"])

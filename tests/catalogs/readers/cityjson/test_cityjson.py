@@ -325,7 +325,7 @@ def test_instances_of_templates(read: Callable[..., BuildingModels]) -> None:
         ("http://www.opengis.net/def/crs/EPSG/0/7415", "EPSG:7415"),
         ("urn:ogc:def:crs:EPSG::7415", "EPSG:7415"),
         ("urn:ogc:def:crs:EPSG:9.8.4:28992", "EPSG:28992"),
-        ("urn:ogc:def:crs,crs:EPSG::28992,crs:EPSG::5709", "EPSG:28992"),
+        ("urn:ogc:def:crs,crs:EPSG::28992,crs:EPSG::5709", "EPSG:28992+5709"),
         ("EPSG:28992", "EPSG:28992"),
         ("", None),
         (None, None),
