@@ -172,7 +172,7 @@ def test_artifacts_tell_units_and_outputs(site: Site, finished: tuple[Path, Flow
     assert sorted((row["stage"], row["unit"]) for row in rows) == sorted([("ingest", "small"), *records])
     assert {row["status"] for row in rows} == {"done"}
     assert all(row["seconds"] > 0 for row in rows if row["stage"] == "facades")
-    assert shown["units"][1] == f"{len(rows)} units: {len(rows)} done in this run, 0 before, 0 failed"
+    assert shown["units"][1] == f"{len(rows)} units: {len(rows)} done in this run, 0 before, 0 failed, 0 refused"
     assert shown["failures"] == ([], "0 units failed, 0 refused, and why")
     assert "http://127.0.0.1:8710/" in shown["viewer"][0]
     assert f"`streetloom view {out}`" in shown["viewer"][1]
