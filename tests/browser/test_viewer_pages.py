@@ -165,7 +165,7 @@ def test_the_block_in_3d_opens_on_a_street_and_is_walked_through(page: Any, addr
     mesh = "document.getElementById('model').view.tiles.opened[0].group.getObjectByProperty('isMesh', true)"
     wait(page, f"{mesh}.geometry.attributes.color")
     assert page.locator(".controls .legend span").all_inner_texts() == [
-        "photographed",
+        "pictured",
         "completed",
         "in a style",
         "assumed",

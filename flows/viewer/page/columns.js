@@ -9,11 +9,11 @@ const GROUPS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8a6d00", "#56b4e9"
 export const STATUS = { done: "#1c7a43", failed: "#b3261e", stale: "#a9600a", waiting: "#8b949c" };
 const UNKNOWN = "#b9bfc4";
 // What a facade's texture rests on, from best to least known.
-const EVIDENCE = { photographed: "#1f6fb2", completed: "#58b7c8", "in a style": "#e0a030", assumed: "#a39b90" };
+const EVIDENCE = { pictured: "#1f6fb2", completed: "#58b7c8", "in a style": "#e0a030", assumed: "#a39b90" };
 const PHOTOGRAPHED = 0.5; // share of texels from pictures
 const FIXED = { status: STATUS, evidence: EVIDENCE };
 const EVIDENCE_COLUMN = { name: "evidence", label: "Evidence", type: "string", unit: "", words: {}, common: true,
-  meaning: "photographed (pictures show half of it or more), completed (they show less), in a style (an exemplar's), assumed (a back that nobody sees)" };
+  meaning: "pictured (pictures show half of it or more), completed (they show less), in a style (an exemplar's), assumed (a back that nobody sees)" };
 
 export const evidenceColour = ({ evidence }) => EVIDENCE[evidence] || UNKNOWN;
 export const byEvidence = ({ evidence }) => [...Object.keys(EVIDENCE), undefined].indexOf(evidence); // the best known first
@@ -22,7 +22,7 @@ export const evidenceLegend = () => legend(Object.entries(EVIDENCE).map(([text, 
 // A block's map with the column `evidence`.
 export function withEvidence(block) {
   for (const facade of block.facades) {
-    if (facade.status === "done") facade.evidence = facade.photo >= PHOTOGRAPHED ? "photographed" : facade.photo > 0 ? "completed" : facade.role === "back" ? "assumed" : "in a style";
+    if (facade.status === "done") facade.evidence = facade.photo >= PHOTOGRAPHED ? "pictured" : facade.photo > 0 ? "completed" : facade.role === "back" ? "assumed" : "in a style";
   }
   return { ...block, columns: [EVIDENCE_COLUMN, ...block.columns] };
 }
