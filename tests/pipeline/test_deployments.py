@@ -252,7 +252,7 @@ def test_a_broken_photo_is_refused_and_the_run_completed(site: Site, tmp_path: P
 def test_an_unusable_block_file_fails_the_run_at_once(site: Site, tmp_path: Path) -> None:
     block = tmp_path / "bad.yaml"
     block.write_text("name: mine\nbuildigs: {path: a.pbf}\n")
-    typed(site, ALONE, {"blocks/mine.yaml": str(block), "out/mine": str(tmp_path / "out")})
+    typed(site, ALONE, {"blocks/mine.yaml": str(block), "out/mine": str(tmp_path / "out")}, expect=1)
     run = the_run(site, "dev")
     assert run.state
     assert run.state_name == "Failed"
