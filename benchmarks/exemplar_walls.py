@@ -2,9 +2,10 @@
 
     python -m benchmarks.exemplar_walls BLOCK.yaml --prepared FOLDER --sheet FILE
 
-Shows at most SHEET_WALLS walls of at least MIN_WIDTH_M of which no neighbour covers more than half, evenly chosen, at one
-scale; what one covers is grey. Their exemplars follow, as prepared. Nothing of the block but these walls is made. --prepared
-keeps the prepared exemplars for a next time. Prints each wall with its exemplar and the exemplar whose ground floor it shows.
+Shows walls at one scale: at most SHEET_WALLS, at least MIN_WIDTH_M wide, spread evenly over the block, and none that a
+neighbour covers by more than half. Covered parts are grey. Their exemplars follow, as prepared. Nothing of the block but
+these walls is made. --prepared keeps the prepared exemplars for a next time. Prints each wall with its exemplar and the
+exemplar whose ground floor it shows.
 """
 
 from __future__ import annotations

@@ -140,7 +140,7 @@ def metres_per_height_unit(crs: CRS | str | None) -> float:
 
 
 def have_heights_above_sea(names: Iterable[str]) -> bool:
-    """Return whether all systems, of which there is one at least, have a vertical part."""
+    """Return whether every system has a vertical part; False without any."""
     frames = [_crs_with_heights(name) for name in names]
     return bool(frames) and all(any(part.is_vertical for part in frame.sub_crs_list) for frame in frames)
 

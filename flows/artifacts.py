@@ -179,11 +179,12 @@ def publish_outcome(run: Run, summary: JsonObject) -> None:
         if record
     ]
     failures, refused = summary["failures"], summary["refused"]
-    recorded = {row["unit"] for row in units if row["status"] == "refused"}
+    recorded = {(row["unit"], row["status"]) for row in units}
     units += [
-        {"stage": "ingest", "unit": one["unit"], "status": "refused", "seconds": None, "worker": ""}
-        for one in refused
-        if one["unit"] not in recorded
+        {"stage": "ingest", "unit": one["unit"], "status": status, "seconds": None, "worker": ""}
+        for status, found in (("failed", failures), ("refused", refused))
+        for one in found
+        if (one["unit"], status) not in recorded
     ]
     units.sort(key=lambda row: row["status"] == "done")
     caption = (

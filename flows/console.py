@@ -27,7 +27,7 @@ def print_status(line: str) -> None:
 class ProgressLines:
     """Progress events as lines: start of a stage, each tenth with the remaining time, and its end.
 
-    The remaining time is told from a tenth on, and marked where the stage ends later by half than told before.
+    The time that is left is stated once a tenth is done, and marked as revised where the whole grows by half.
 
     Attributes
     ----------

@@ -16,7 +16,7 @@ RECORDS = "../benchmarks/figures/records"
 HEAD = """# Figures
 
 Each table has one subject, each row one measure. *Goal* is what the project wants; other columns are other methods on the same
-data. An arrow says whether more ↑ or less ↓ is better, and **bold** marks the best of such a row, whoever has it.
+data. ↑ means that more is better, ↓ that less is. The best figure of such a row is **bold**, also where it is not ours.
 
 - Measured on 2 cores of a server (x86-64) without a graphics card. *Load* counts other processes at work.
 - *Held-out* or *unseen* data was used neither for training nor for settings.

@@ -37,7 +37,7 @@ class Measured:
 @dataclass(frozen=True)
 class Subject:
     """A table of the page. columns: heads of the cells after the measure of each row; part: the part of the page that it
-    begins; judged: the day on which a person judged what is of no record, by pictures that `command` makes."""
+    begins; judged: day on which a person judged pictures by eye, which `command` makes, where no record has the figures."""
 
     title: str
     anchor: str

@@ -36,7 +36,9 @@ if TYPE_CHECKING:
 # Row before it is written, by ROW_KEYS: the foot line is in the block's frame.
 ItemRow = dict[str, Any]
 
-ITEM_KINDS = ("facade", "building", "street", "surface", "panorama", "photo", "exemplar", "page", "tile", "picture")
+ITEM_KINDS = (
+    *("facade", "block", "building", "street", "surface", "panorama", "photo", "exemplar", "page", "tile", "picture"),
+)
 STATUSES = ("done", "failed", "refused")
 
 TEXT, COUNT, NUMBER = "string", "int32", "double"

@@ -1,8 +1,8 @@
 """Merged catalogues of many runs, so that a query of ten thousand runs opens a hundred files.
 
 OUT/items/N.parquet holds the rows of up to RUNS_PER_FILE runs with their names in `run`, and states in its metadata
-which snapshot of each run they are. The files are caches: rows of a run that has published since, or of a damaged file,
-are read from the run.
+which snapshot of each run they are. The files are caches: rows of a run that has published since are read from the
+run.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from catalogs.published import object_store
-from catalogs.published.file_list import has_other_content, write_file_list
+from catalogs.published.file_list import has_other_content
 from catalogs.published.folders import F, Folder, map_concurrently, remove_path, write_atomically
 from catalogs.published.runs import PublishedRun
 from catalogs.published.s3 import S3Path
@@ -45,7 +45,7 @@ class MergedItemsFile:
 
 
 def read_merged_items_headers(out: Folder) -> list[MergedItemsFile]:
-    """Read the headers of the merged files of a folder of runs; damaged files are skipped."""
+    """Read the headers of the merged files of a folder of runs; unreadable files are skipped."""
     return [one for one in map_concurrently(_read_merged_file, _merged_files(out), out) if one is not None]
 
 
@@ -53,8 +53,6 @@ def _read_merged_file(path: Folder) -> MergedItemsFile | None:
     import pyarrow as pa
 
     try:
-        if has_other_content(path):
-            return None
         columns = read_parquet_schema(path)
         runs = json.loads((columns.metadata or {})[RUNS_METADATA_KEY])
         return MergedItemsFile(
@@ -106,8 +104,6 @@ def merge_run_items(out: Folder, runs: Sequence[tuple[PublishedRun[F], str]]) ->
     for path in _merged_files(out):
         if not by_file.get(path.name):
             remove_path(path)
-    if isinstance(out, Path):
-        write_file_list(out / ITEMS_FOLDER, None)
 
 
 def _write_rows(path: Folder, runs: Sequence[tuple[PublishedRun[F], str]]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float64Array, Int64Array
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int64Array
 from facade_core.core.numba_cache import njit
 from facade_core.geometry.settings import CROSSINGS
 from facade_core.geometry.triangle_groups import GROUP_SIZE, group_triangles
@@ -84,13 +84,19 @@ def _count_crossings(
                 if facet[t] != own[n]:
                     place = _distance(p, ahead, vector(corners[t, 0]), vector(corners[t, 1]), vector(corners[t, 2]))
                     if place > least:
-                        places[met] = place  # counts unless it is there
-                        for other in range(met + 1):
-                            if places[other] == places[met]:
-                                met += other == met
-                                break
+                        places[met] = place
+                        met += _is_new(places, met)
         crossed[n] = met
     return crossed
+
+
+@njit(cache=True, nogil=True)
+def _is_new(places: Float32Array, last: int) -> bool:
+    """Return whether a place differs from those before it."""
+    seen = False
+    for other in range(last):
+        seen |= places[other] == places[last]
+    return not seen
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -6,14 +6,13 @@ import asyncio
 import json
 import os
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote, urlencode
 
+from httpx import ASGITransport, AsyncClient, Response
 from starlette.applications import Starlette
-from starlette.types import Message
 
 from catalogs.published.folders import write_atomically
 from catalogs.readers.json_text import load_json
@@ -112,11 +111,11 @@ class StaticPageWriter:
                 self._keep(f"{base}picture/before", id=facade["id"])
 
     def _fetch(self, path: str, **parameters: str) -> bytes:
-        status, body = asyncio.run(_ask(self._application, path, urlencode(parameters)))
-        if status != 200:
-            text = body.decode(errors="replace")
-            raise InputError(f"{path}: {json.loads(text)['reason'] if text.startswith('{') else text}")
-        return body
+        answer = asyncio.run(_ask(self._application, path, parameters))
+        if answer.status_code != 200:
+            is_json = answer.headers["content-type"] == "application/json"
+            raise InputError(f"{path}: {answer.json()['reason'] if is_json else answer.text}")
+        return answer.content
 
     def _keep(self, path: str, body: bytes | None = None, **parameters: str) -> bytes:
         """Write the answer to a request to the file that the page reads in its place, and return it."""
@@ -197,23 +196,6 @@ def _content_uris(tile: JsonObject) -> Iterator[str]:
         yield from _content_uris(child)
 
 
-async def _ask(application: Starlette, path: str, query: str) -> tuple[int, bytes]:
-    """Return status and body of the application's answer."""
-    status, body = 0, bytearray()
-
-    async def receive() -> Message:
-        await asyncio.Event().wait()  # the client stays
-        return {"type": "http.disconnect"}
-
-    async def send(message: Message) -> None:
-        nonlocal status
-        status = message.get("status", status)
-        body.extend(message.get("body", b""))
-
-    scope = {
-        "type": "http", "asgi": {"version": "3.0"}, "http_version": "1.1", "method": "GET", "scheme": "http", "root_path": "",
-        "path": f"/{path}", "raw_path": quote(f"/{path}").encode(), "query_string": query.encode(),
-        "headers": [(b"host", HOST.encode())], "client": (HOST, 1), "server": (HOST, 80),
-    }  # fmt: skip
-    await application(scope, receive, send)
-    return status, bytes(body)
+async def _ask(application: Starlette, path: str, parameters: Mapping[str, str]) -> Response:
+    async with AsyncClient(transport=ASGITransport(application), base_url=f"http://{HOST}") as client:
+        return await client.get(f"/{path}", params=parameters)

@@ -65,9 +65,6 @@ NO_MEMORY_TEXTS = (
     "failed to map segment",
 )
 
-# Unit that is set aside where no wall of the block is at a street.
-ALL_BUILDINGS = "all buildings"
-
 _MAX_REASON_LENGTH = 300
 
 
@@ -114,10 +111,16 @@ class UnitOutcomeCounts:
 
 
 def count_set_aside(set_aside: Iterable[Sequence[str]]) -> UnitOutcomeCounts:
-    """Count inputs that were set aside, (kind, unit, reason), as refused; a block without facades has failed."""
-    units = [(unit, reason) for _, unit, reason in set_aside]
-    failed = tuple(one for one in units if one[0] == ALL_BUILDINGS)
-    return UnitOutcomeCounts(failed=failed, refused=tuple(one for one in units if one not in failed))
+    """Count inputs that were set aside, as (kind, unit, reason)."""
+    by_status: dict[str, list[tuple[str, str]]] = {"failed": [], "refused": []}
+    for kind, unit, reason in set_aside:
+        by_status[set_aside_status(kind)].append((unit, reason))
+    return UnitOutcomeCounts(failed=tuple(by_status["failed"]), refused=tuple(by_status["refused"]))
+
+
+def set_aside_status(kind: str) -> str:
+    """Return the status of a kind of input that was set aside: of a whole block nothing is left to show."""
+    return "failed" if kind == "block" else "refused"
 
 
 def list_reasons(units: Iterable[tuple[str, str]]) -> list[dict[str, str]]:

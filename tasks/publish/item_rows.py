@@ -17,7 +17,7 @@ from facade_core.atlas.journal import Record, atlas_digest
 from facade_core.core.json_types import JsonObject
 from facade_core.core.types import Pose
 from facade_core.geometry.walls import WALL_ROLES
-from tasks.engine.outcome import ALL_BUILDINGS
+from tasks.engine.outcome import set_aside_status
 from tasks.engine.run import Run
 from tasks.publish.stored_block import StoredBlock
 from tasks.stages.facades.record import FacadeRecord
@@ -151,14 +151,10 @@ def _unusable_rows(run: Run, block: StoredBlock) -> list[ItemRow]:
         "config_digest": run.key,
         "updated": block.ingest_time,
     }
-    aside = block.group.attrs["set_aside"]
-    units = [
-        *((*one, "failed" if one[1] == ALL_BUILDINGS else "refused") for one in aside),
-        *_unfinished_units(block),
-    ]
+    aside = [(*one, set_aside_status(one[0])) for one in block.group.attrs["set_aside"]]
     return [
         dict.fromkeys(ROW_KEYS) | known | {"id": unit, "kind": kind, "reason": reason, "status": status}
-        for kind, unit, reason, status in units
+        for kind, unit, reason, status in [*aside, *_unfinished_units(block)]
     ]
 
 

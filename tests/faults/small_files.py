@@ -60,7 +60,7 @@ def corrections(path: Path) -> None:
     append_corrections_to_file(path.with_name("block.yaml"), [facade, Correction("a", "height", 12.5)])
 
 
-def fetched(path: Path) -> None:
+def write_fetch_log(path: Path) -> None:
     log = FetchLog(path.parent, {})
     for name in ("a", "ä b"):
         log.append(FetchedPicture("stac", name, f"{name}.jpg", "0" * 64, 5, 24.94, 60.16, 12.0, z=3.0, author="A"))
@@ -98,7 +98,7 @@ def read_control(path: Path) -> object:
     return read_cameras(path.parents[1] / "pictures", path.parents[1] / "local", UTM, BOUNDS, path)
 
 
-def annotated(path: Path) -> object:
+def read_annotations(path: Path) -> object:
     return read_correction_annotations(path, {"a-0.png": "a-0"})
 
 
@@ -171,7 +171,7 @@ STAC = {
 SMALL_FILES: Mapping[str, SmallFile] = {
     "block.corrections.jsonl": SmallFile(corrections, lambda path: read_corrections(path.with_name("block.yaml"))),
     "matches.csv": SmallFile(text(MATCHES), lambda path: read_match_table(path).matches()),
-    "fetched.jsonl": SmallFile(fetched, lambda path: read_fetch_log(path.parent)),
+    "fetched.jsonl": SmallFile(write_fetch_log, lambda path: read_fetch_log(path.parent)),
     "part.npz": SmallFile(part, read_city_part),
     "images.txt": cameras(lambda path: write_colmap(path.parent, POSES, SAME, binary=False)),
     "images.bin": cameras(lambda path: write_colmap(path.parent, POSES, SAME, binary=True)),
@@ -179,12 +179,12 @@ SMALL_FILES: Mapping[str, SmallFile] = {
     "cameras.xml": cameras(lambda path: write_metashape(path, POSES)),
     "cameras.csv": cameras(camera_table),
     "control.csv": SmallFile(control_points, read_control),
-    "coco.json": SmallFile(text(COCO), annotated),
-    "labelme.json": SmallFile(text(LABELME), annotated),
-    "own.json": SmallFile(text(OWN), annotated),
-    "model.city.json": SmallFile(text(CITYJSON), annotated),
-    "model.city.jsonl": SmallFile(text(f"{json.dumps(CITYJSON)}\n{json.dumps(CITYJSON)}\n"), annotated),
-    "corrections.gpkg": SmallFile(tables, annotated),
+    "coco.json": SmallFile(text(COCO), read_annotations),
+    "labelme.json": SmallFile(text(LABELME), read_annotations),
+    "own.json": SmallFile(text(OWN), read_annotations),
+    "model.city.json": SmallFile(text(CITYJSON), read_annotations),
+    "model.city.jsonl": SmallFile(text(f"{json.dumps(CITYJSON)}\n{json.dumps(CITYJSON)}\n"), read_annotations),
+    "corrections.gpkg": SmallFile(tables, read_annotations),
     "layout.json": SmallFile(text(LAYOUT), read_partial_layout),
     "tile.json": SmallFile(text(STAC), lambda path: tile_files_in_area(path, None)),
     "tiles.gpkg": SmallFile(tile_index, lambda path: tile_files_in_area(path, None)),

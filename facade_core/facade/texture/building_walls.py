@@ -93,10 +93,7 @@ def compose_wall(
     is_front = wall.on_street and not blank and shows_ground_floor(style, stack[-1])
     if is_front:
         place_doors(style, wall.entrances, source[:, ground], across)
-    middle = None
-    if wall.has_back_door or (wall.is_back and bool(wall.entrances) and not wall.is_raised):
-        size_m = wall.width, wall.height
-        middle = choose_door_position(wall.free, size_m, across, wall.seams, wall.entrances, rng)
+    middle = _back_door(wall, across, rng)
     if middle is not None and not blank:
         _blank_bays_at_door(source[:, ground], across, middle, len(stack[-1].heights), plain, wide + 1)
     rows, columns = (np.rint(borders / pixel).astype(np.int64) for borders in (down, across))
@@ -105,9 +102,7 @@ def compose_wall(
     lattice = Lattice(style.grid.rows, style.grid.columns + _bare_columns(style, plain))
     tiles = (source[0] * (wide + 2) + source[1]).astype(np.int32)
     image, labels = compose_tiles(style.image, style.labels, lattice, tiles, rows, columns, pixel / metres_per_pixel)
-    if stack[0].attic > 0 and is_level(wall):
-        coping = image[: max(1, round(FLOORS.coping_m / pixel))]
-        coping[:] = FLOORS.coping_light * coping
+    _paint_coping(wall, stack[0], image, pixel)
     if wall.is_corner and shows_ground_floor(style, stack[-1]):
         paint_corner_shop(style, image, labels, int(rows[ground.start]), scale, pixel)
     if is_front:
@@ -148,6 +143,20 @@ def _choose_tiles(
             source[1, row : row + len(wall_floor.heights)] = (3 * bays[:, None] + np.arange(3)).ravel()
             row += len(wall_floor.heights)
     return source
+
+
+def _paint_coping(wall: FacadeWall, highest: WallFloor, image: UInt8Array, pixel: float) -> None:
+    """Darken the edge of a plain and level top, in place."""
+    if highest.attic > 0 and is_level(wall):
+        coping = image[: max(1, round(FLOORS.coping_m / pixel))]
+        coping[:] = FLOORS.coping_light * coping
+
+
+def _back_door(wall: FacadeWall, across: Float64Array, rng: np.random.Generator) -> float | None:
+    """Return the middle of the door of a back with an entrance, metres from the left; None without one."""
+    if not (wall.has_back_door or (wall.is_back and bool(wall.entrances) and not wall.is_raised)):
+        return None
+    return choose_door_position(wall.free, (wall.width, wall.height), across, wall.seams, wall.entrances, rng)
 
 
 def _fit_bays(widths: Float64Array, counts: Sequence[int], ends: Sequence[float]) -> Float64Array:

@@ -37,7 +37,6 @@ from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan, write_plan
 from facade_core.plan.posed_pictures import place_pictured_facades
 from facade_core.plan.settings import PLANNED_FACADES
-from tasks.engine.outcome import ALL_BUILDINGS
 from tasks.engine.outline import PlanSummary
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.engine.run import Run
@@ -108,7 +107,7 @@ def ingest_block(run: Run, block: Block, each: ParallelMap = map_in_this_process
             root = create_root(session)
         set_aside = [(fault.kind, fault.id, fault.reason) for fault in block.faults]
         set_aside += [("building", unit, reason) for unit, reason in plan.rejected_buildings]
-        set_aside += [("building", ALL_BUILDINGS, reason) for reason in explain_missing_street_facades(plan)]
+        set_aside += [("block", run.block, reason) for reason in explain_missing_street_facades(plan)]
         set_aside += [("photo", unit, reason) for unit, reason in find_stray_photos(block.photos, plan.facades.id)]
         root.attrs.update(
             block=run.block,

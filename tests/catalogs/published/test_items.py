@@ -142,7 +142,7 @@ def test_no_facades_is_an_empty_catalogue(tmp_path: Path) -> None:
         ),
         ({"updated": "2026-11-21"}, "updated is '2026-11-21'; give timestamp[us, UTC]"),
         ({"geometry": None}, "geometry is no LineString"),
-        ({"kind": "wall"}, "kind is 'wall'; give one of facade, building"),
+        ({"kind": "wall"}, "kind is 'wall'; give one of facade, block"),
         ({"kind": "building"}, "a building has a row only when it failed or is refused"),
         ({"geometry": LineString()}, "geometry is no LineString"),
         ({"status": "ok"}, "status is 'ok'; give one of done, failed, refused"),
