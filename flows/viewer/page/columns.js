@@ -10,7 +10,7 @@ export const STATUS = { done: "#1c7a43", failed: "#b3261e", stale: "#a9600a", wa
 const UNKNOWN = "#b9bfc4";
 // What a facade's texture rests on, from best to least known.
 const EVIDENCE = { pictured: "#1f6fb2", completed: "#58b7c8", "in a style": "#e0a030", assumed: "#a39b90" };
-const PHOTOGRAPHED = 0.5; // share of texels from pictures
+const PICTURED = 0.5; // share of texels from pictures
 const FIXED = { status: STATUS, evidence: EVIDENCE };
 const EVIDENCE_COLUMN = { name: "evidence", label: "Evidence", type: "string", unit: "", words: {}, common: true,
   meaning: "pictured (pictures show half of it or more), completed (they show less), in a style (an exemplar's), assumed (a back that nobody sees)" };
@@ -22,7 +22,7 @@ export const evidenceLegend = () => legend(Object.entries(EVIDENCE).map(([text, 
 // A block's map with the column `evidence`.
 export function withEvidence(block) {
   for (const facade of block.facades) {
-    if (facade.status === "done") facade.evidence = facade.photo >= PHOTOGRAPHED ? "pictured" : facade.photo > 0 ? "completed" : facade.role === "back" ? "assumed" : "in a style";
+    if (facade.status === "done") facade.evidence = facade.photo >= PICTURED ? "pictured" : facade.photo > 0 ? "completed" : facade.role === "back" ? "assumed" : "in a style";
   }
   return { ...block, columns: [EVIDENCE_COLUMN, ...block.columns] };
 }
