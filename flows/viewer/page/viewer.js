@@ -22,7 +22,10 @@ let token = null;
 let begun = false; // the list of blocks was read
 let timer = 0;
 
-const fill = (...parts) => main.replaceChildren(...parts.filter((part) => part !== null));
+// What puts parts on the page, as long as the address is the one that is shown: a slow page does not come over a later one.
+const filler = (address) => (...parts) => {
+  if (shown === address) main.replaceChildren(...parts.filter((part) => part !== null));
+};
 const corrector = () => correctors.get(openNumber()) || null;
 const correct = (id) => corrector() && element("a", { href: blockPage(`edit/${encodeURIComponent(id)}`) }, "Correct it");
 
@@ -74,7 +77,7 @@ async function openCorrector(number) {
   }
 }
 
-async function drawMap([number, id]) {
+async function drawMap([number, id], fill) {
   const { MapPage } = await import("./map_page.js");
   if (!mapPage) {
     mapPage = new MapPage(city, { open: (number, id) => (location.hash = addressOf(number, id)), address: addressOf });
@@ -85,7 +88,7 @@ async function drawMap([number, id]) {
   else if (number !== undefined) mapPage.goTo({ kind: "block", id: number, blocks: [Number(number)], box: mapPage.boxOfBlock(Number(number)) });
 }
 
-async function drawStreet(street, step) {
+async function drawStreet(street, step, fill) {
   const { smallMap } = await import("./map.js");
   const parts = streetPage(block, progress, street, step, () => draw(), smallMap);
   const kept = document.getElementById("step");
@@ -97,7 +100,7 @@ async function drawStreet(street, step) {
   } else fill(...parts);
 }
 
-async function drawModel([number, id]) {
+async function drawModel([number, id], fill) {
   const { modelPage } = await import("./model_page.js");
   model = await modelPage(city, mapPage?.map.middle() ?? [0, 0], id === undefined ? null : [Number(number), id], fill, (number, id) => (location.hash = addressOf(number, id)));
 }
@@ -110,25 +113,28 @@ async function draw(again = false) {
   const place = parse(address);
   const moved = shown && parse(shown).page !== place.page;
   shown = address;
+  const fill = filler(address);
   try {
     if (place.number !== null) await openPages(place.number);
     if (shown !== address) return;
     drawNavigation(place);
     const { page, rest } = place;
     if (page === "facade") fill(...(await facadePage(block, rest[0], openNumber(), correct)));
-    else if (page === "street") await drawStreet(Number(rest[0] || 0), Number(rest[1] || 0));
+    else if (page === "street") await drawStreet(Number(rest[0] || 0), Number(rest[1] || 0), fill);
     else if (page === "elevations") fill(...elevationsPage(block, Number(rest[0]) || undefined));
     else if (page === "run") fill(...runPage(block, progress));
     else if (page === "review") fill(...reviewPage(block, correct));
     else if (page === "edit" && corrector()) await corrector().draw(block, rest[0], fill);
     else if (page === "photos" && corrector()?.photos) await corrector().photos.draw(block, rest[0], fill);
-    else if (page === "model") await drawModel(rest);
+    else if (page === "model") await drawModel(rest, fill);
     else if (page === "blocks" && !city.single) fill(...blocksPage(city, token ? "review" : "run"));
-    else await drawMap(page === "map" ? rest : []);
+    else await drawMap(page === "map" ? rest : [], fill);
   } catch (error) {
+    if (shown !== address) return;
     drawNavigation(place);
     fill(element("p", { class: "failed" }, error.message));
   }
+  if (shown !== address) return;
   const boxes = main.querySelector(".boxes"); // who corrects goes on by keys at once
   if (boxes && !again) boxes.focus({ preventScroll: true });
   else if (moved && !again && place.page !== "model") main.focus({ preventScroll: true });
