@@ -33,8 +33,8 @@ _TABLE_COLUMNS = (
     "doors",
     "balconies",
     "shops",
-    "window_to_wall",
     "occluded",
+    "quality",
     "status",
 )
 

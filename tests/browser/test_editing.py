@@ -303,7 +303,11 @@ def test_a_wall_that_is_none_storeys_and_who_holds_another_token(page: Any, once
     with viewing(tmp_path, "--edit", "--who", "anna") as address:
         # of a folder with several runs one is opened, and there is a way back; a map that comes late does not cover it
         late: list[Any] = []
-        page.route("**/map_page.js", lambda route: late.append(route))
+
+        def hold(route: Any) -> None:
+            late.append(route)
+
+        page.route("**/map_page.js", hold)
         page.goto(address)
         wait(page, "location.hash === '#/map'")
         page.click("nav >> text=Blocks")

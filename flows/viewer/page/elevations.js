@@ -1,6 +1,6 @@
 // Both sides of each street as one walks along them: facades side by side, at scale.
 
-import { evidenceColour, evidenceLegend } from "./columns.js";
+import { evidenceColour, evidenceLegend, STATUS } from "./columns.js";
 import { blockPage, element, facadeAddress, picture } from "./elements.js";
 import { placeAt } from "./geometry.js";
 
@@ -18,7 +18,9 @@ export function elevationsPage(block, scale = SCALES[1]) {
   const front = (facade) => {
     const [width, height] = [facade.width_m, facade.height_m].map((metres) => Math.max(1, Math.round(scale * metres)));
     return element("a", { href: facadeAddress(facade.id), title: `${facade.id}: ${facade.evidence || facade.status}` },
-      element("img", { src: picture(facade.id, "texture", block.snapshot, 2 * height), alt: `Facade ${facade.id}`, loading: "lazy", width, height }),
+      facade.status === "done" || facade.status === "stale"
+        ? element("img", { src: picture(facade.id, "texture", block.snapshot, 2 * height), alt: `Facade ${facade.id}`, loading: "lazy", width, height })
+        : element("svg", { class: "not-made", width, height, role: "img", "aria-label": `Facade ${facade.id}: ${facade.status}` }, element("rect", { width, height, fill: STATUS[facade.status] })),
       element("svg", { width, height: BAR_PX, "aria-hidden": "true" }, element("rect", { width, height: BAR_PX, fill: evidenceColour(facade) })));
   };
   const strips = block.streets.flatMap((street) => sides(block, street).map((facades, side) => [street.name.trim() || street.id, ["left", "right"][side], facades]))

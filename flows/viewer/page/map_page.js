@@ -6,7 +6,7 @@ import { blockBase, element, legend, picture, visible } from "./elements.js";
 import { boxOf, unite } from "./geometry.js";
 import { BlockMap } from "./map.js";
 
-const LISTED = 300;
+const LISTED = 1000;
 const THUMBNAIL_PX = 40;
 const TYPED_MS = 300;
 const AGAIN_MS = 10_000;
