@@ -10,6 +10,7 @@ from typing import Protocol, TypeVar
 
 from prefect import Task
 from prefect.context import FlowRunContext
+from prefect.utilities.annotations import quote
 
 K = TypeVar("K")
 R = TypeVar("R")
@@ -53,7 +54,10 @@ def submit_tasks(threads: int) -> Iterator[Submit]:
     threads : number of tasks of the pool at a time.
     """
     if is_recorded():
-        yield lambda task, *arguments, name=None: (task.with_options(name=name) if name else task).submit(*arguments)
+        # quoted: Prefect would look for futures in every value of a batch
+        yield lambda task, *arguments, name=None: (task.with_options(name=name) if name else task).submit(
+            *map(quote, arguments)
+        )
         return
     with ThreadPoolExecutor(threads, thread_name_prefix="tasks") as pool:
         yield lambda task, *arguments, name=None: pool.submit(task.fn, *arguments)

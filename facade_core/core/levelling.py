@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from facade_core.core.arrays import AnyArray, BoolArray, Float32Array, FloatArray, NumericArray, UInt8Array
+from facade_core.core.numba_cache import njit
 
 # Metres from a seam at which its offset has fallen to 1 / e.
 SEAM_DECAY_M = 2.0
@@ -40,7 +41,7 @@ def fill_unknown_values(values: NumericArray, known: BoolArray) -> Float32Array:
 def fill_unknown_colours(colour: UInt8Array, known: BoolArray) -> UInt8Array:
     """Fill unknown colours as `fill_unknown_values` does, rounded to bytes.
 
-    The finest size, with four times as many texels as all others together, is processed without floats.
+    The finest size, with four times as many texels as all others together, is processed in one pass without floats.
 
     Parameters
     ----------
@@ -51,13 +52,35 @@ def fill_unknown_colours(colour: UInt8Array, known: BoolArray) -> UInt8Array:
     -------
     (height, width, channels).
     """
-    height, width = known.shape
-    total, weight = (
-        _sum_blocks(array, dtype).astype(np.float32)
-        for array, dtype in ((colour * known[..., None], np.uint16), (known, np.uint8))
-    )
-    near = np.round(_known_means(total, weight)).astype(np.uint8)
-    return np.where(known[..., None], colour, near.repeat(2, axis=0).repeat(2, axis=1)[:height, :width])
+    near = np.round(_known_means(*_sum_known_blocks(colour, known))).astype(np.uint8)
+    return _fill_from_blocks(colour, known, near)
+
+
+@njit(cache=True)
+def _sum_known_blocks(colour: UInt8Array, known: BoolArray) -> tuple[Float32Array, Float32Array]:
+    """Sum the known colours of blocks of 2 x 2, and count them."""
+    height, width, channels = colour.shape
+    total = np.zeros(((height + 1) // 2, (width + 1) // 2, channels), np.float32)
+    weight = np.zeros(total.shape[:2], np.float32)
+    for y in range(height):
+        for x in range(width):
+            if known[y, x]:
+                weight[y // 2, x // 2] += np.float32(1)
+                for c in range(channels):
+                    total[y // 2, x // 2, c] += np.float32(colour[y, x, c])
+    return total, weight
+
+
+@njit(cache=True)
+def _fill_from_blocks(colour: UInt8Array, known: BoolArray, near: UInt8Array) -> UInt8Array:
+    """Take unknown colours from those of blocks of 2 x 2."""
+    height, width, channels = colour.shape
+    filled = np.empty(colour.shape, np.uint8)
+    for y in range(height):
+        for x in range(width):
+            for c in range(channels):
+                filled[y, x, c] = colour[y, x, c] if known[y, x] else near[y // 2, x // 2, c]
+    return filled
 
 
 def _known_means(total: Float32Array, weight: Float32Array) -> Float32Array:
@@ -135,18 +158,19 @@ def _membrane(values: FloatArray, known: BoolArray) -> Float32Array:
         if sheet.shape[:2] != (height, width):
             sheet = cv2.resize(sheet, (2 * sheet.shape[1], 2 * sheet.shape[0]), interpolation=cv2.INTER_LINEAR)
             sheet = np.ascontiguousarray(sheet[:height, :width])
-        held = (weight > 0)[..., None]
-        pinned = total / np.maximum(weight, 1e-9)[..., None]
+        held = np.nonzero(weight > 0)  # a border, of few texels
+        pinned = total[held] / weight[held][:, None]
         for _ in range(RELAXATIONS_PER_SIZE):
-            sheet = np.where(held, pinned, cv2.filter2D(sheet, -1, cross, borderType=cv2.BORDER_REPLICATE))
+            sheet = cv2.filter2D(sheet, -1, cross, borderType=cv2.BORDER_REPLICATE)
+            sheet[held] = pinned
     return sheet
 
 
-def _sum_blocks(array: AnyArray, dtype: type | None = None) -> NumericArray:
+def _sum_blocks(array: AnyArray) -> NumericArray:
     """Sum blocks of 2 x 2, zero-padded for odd sizes."""
     rows, columns = array.shape[0] % 2, array.shape[1] % 2
     padded = np.pad(array, [(0, rows), (0, columns)] + [(0, 0)] * (array.ndim - 2)) if rows or columns else array
-    total: NumericArray = np.add(padded[::2, ::2], padded[1::2, ::2], dtype=dtype)
+    total: NumericArray = padded[::2, ::2] + padded[1::2, ::2]
     total += padded[::2, 1::2]
     total += padded[1::2, 1::2]
     return total

@@ -12,7 +12,7 @@ from dataclasses import Field, field, fields, is_dataclass
 from enum import Enum
 from hashlib import blake2b
 from pathlib import Path
-from typing import Any, Protocol, TypeVar, cast, runtime_checkable
+from typing import Any, Protocol, TypeVar, cast
 
 import numpy as np
 
@@ -39,9 +39,8 @@ VIEW_CHANGED = "visible surfaces changed"
 _LENGTH = 16
 
 
-@runtime_checkable
 class Referenced(Protocol):
-    """A value that stands for something large: it is digested by a smaller value."""
+    """Protocol of a value that stands for something large: it is digested by a smaller value."""
 
     def digest_content(self) -> object:
         """Return a smaller value that differs if the content differs."""
@@ -78,8 +77,8 @@ def _content(value: object) -> object:
     """Return a value as strings, numbers and nested lists and dicts of them."""
     if value is None or isinstance(value, bool | int | float | str):
         return value
-    if isinstance(value, Referenced):
-        return _content(value.digest_content())
+    if hasattr(value, "digest_content"):  # a check against a protocol takes longer than most digests
+        return _content(cast(Referenced, value).digest_content())
     if isinstance(value, Path):
         return [value.name, file_digest(value)]
     if isinstance(value, Enum):

@@ -86,7 +86,10 @@ def _count_true(flags: Int64Array) -> int:
 
 @njit(cache=True)
 def _mutate(tiles: Int32Array, u: Float64Array, nodes: NodeConstraints) -> tuple[int, int, int, int]:
-    """Copy a block of the exemplar grid over a block of the new one, as far as the constraints allow."""
+    """Copy a block of the exemplar grid over a block of the new one, as far as the constraints allow.
+
+    Returns the rows and columns, half-open, that hold all changes; without a change there are none.
+    """
     rows, columns, frozen, usable = nodes
     height, width = usable.shape
     h, w = 1 + _draw_index(u[0], MAX_BLOCK), 1 + _draw_index(u[1], MAX_BLOCK)
@@ -100,11 +103,29 @@ def _mutate(tiles: Int32Array, u: Float64Array, nodes: NodeConstraints) -> tuple
         j += 1
         nth -= columns[x, j]
     h, w = min(h, tiles.shape[0] - y, height - i), min(w, tiles.shape[1] - x, width - j)
+    top, low, left, edge = h, 0, w, 0
     for a in range(h):
         for b in range(w):
             if rows[y + a, i + a] and columns[x + b, j + b] and usable[i + a, j + b] and not frozen[y + a, x + b]:
-                tiles[y + a, x + b] = (i + a) * width + j + b
-    return y, y + h, x, x + w
+                tile = (i + a) * width + j + b
+                if tiles[y + a, x + b] != tile:
+                    tiles[y + a, x + b] = tile
+                    top, low, left, edge = min(top, a), max(low, a + 1), min(left, b), max(edge, b + 1)
+    return y + top, y + low, x + left, x + edge
+
+
+@njit(cache=True)
+def _exchange_block(
+    one: Int32Array, other: Int32Array, y0: int, y1: int, x0: int, x1: int
+) -> tuple[int, int, int, int]:
+    """Exchange a block between two tilings; returns the rows and columns that hold all changes, as `_mutate`."""
+    top, low, left, edge = y1, y0, x1, x0
+    for y in range(y0, y1):
+        for x in range(x0, x1):
+            if one[y, x] != other[y, x]:
+                one[y, x], other[y, x] = other[y, x], one[y, x]
+                top, low, left, edge = min(top, y), max(low, y + 1), min(left, x), max(edge, x + 1)
+    return top, low, left, edge
 
 
 @njit(cache=True)
@@ -113,7 +134,9 @@ def _copy_individual(tiles: Int32Array, cost: Float64Array, to: Int32Array, to_c
     for y in range(tiles.shape[0]):
         for x in range(tiles.shape[1]):
             to[y, x] = tiles[y, x]
-            for term in range(cost.shape[0]):
+    for term in range(cost.shape[0]):
+        for y in range(tiles.shape[0]):
+            for x in range(tiles.shape[1]):
                 to_cost[term, y, x] = cost[term, y, x]
 
 
@@ -147,9 +170,7 @@ def _evolve(
             _copy_individual(population[father], cost[father], heirs[second], heir_cost[second])
             y, x = _draw_index(u[4], tall), _draw_index(u[5], wide)
             y1, x1 = min(tall, y + 1 + _draw_index(u[6], MAX_BLOCK)), min(wide, x + 1 + _draw_index(u[7], MAX_BLOCK))
-            for i in range(y, y1):
-                for j in range(x, x1):
-                    heirs[first, i, j], heirs[second, i, j] = heirs[second, i, j], heirs[first, i, j]
+            y, y1, x, x1 = _exchange_block(heirs[first], heirs[second], y, y1, x, x1)
             for k in range(2):
                 child = first + k
                 update_costs(tab, heir_cost[child], heirs[child], y, y1, x, x1)
@@ -162,12 +183,15 @@ def _evolve(
     best = np.argmin(fitness)
     tiles, held, lowest[-1] = population[best], cost[best], fitness[best]
     other, other_cost = heirs[0], heir_cost[0]
+    _copy_individual(tiles, held, other, other_cost)
     for k in range(tries.shape[0]):
-        _copy_individual(tiles, held, other, other_cost)
         top, low, left, edge = _mutate(other, tries[k], nodes)
+        if top >= low:
+            continue
         update_costs(tab, other_cost, other, top, low, left, edge)
         energy = sum_costs(other_cost)
         if energy <= lowest[-1]:
             lowest[-1] = energy
             tiles, held, other, other_cost = other, other_cost, tiles, held
+        _copy_individual(tiles, held, other, other_cost)
     return tiles.copy(), lowest

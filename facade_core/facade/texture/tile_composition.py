@@ -89,12 +89,18 @@ def _exemplar_position(position: int, cell: int, source: Float64Array, borders: 
 
 
 @njit(cache=True)
-def _sample_bilinear(image: Float32Array, v: float, u: float, out: Float32Array) -> None:
-    """Sample bilinearly at pixel positions v, u counted from the picture's corner."""
-    v = min(max(v - 0.5, 0.0), image.shape[0] - 1.0)
-    u = min(max(u - 0.5, 0.0), image.shape[1] - 1.0)
-    top, left = min(int(v), image.shape[0] - 2), min(int(u), image.shape[1] - 2)
-    fv, fu = np.float32(v - top), np.float32(u - left)
+def _find_neighbours(position: float, size: int) -> tuple[int, np.float32]:
+    """Return the first of the two pixels of an axis beside a position counted from its start, and the second one's share."""
+    position = min(max(position - 0.5, 0.0), size - 1.0)
+    first = min(int(position), size - 2)
+    return first, np.float32(position - first)
+
+
+@njit(cache=True)
+def _sample_bilinear(
+    image: Float32Array, top: int, fv: np.float32, left: int, fu: np.float32, out: Float32Array
+) -> None:
+    """Sample bilinearly between pixels and their shares, as of `_find_neighbours`."""
     for c in range(3):
         upper = image[top, left, c] * (1 - fu) + image[top, left + 1, c] * fu
         lower = image[top + 1, left, c] * (1 - fu) + image[top + 1, left + 1, c] * fu
@@ -125,6 +131,7 @@ def _find_seam_paths(
     A path keeps to the border where the cells show other classes than each other: it would cut an element, or add a sliver.
     """
     tall, wide = tiles.shape
+    high, broad = image.shape[0], image.shape[1]
     across = len(source_columns) - 1
     right_start = np.empty((rows[-1], max(0, wide - 1)), np.int64)
     lower_start = np.empty((max(0, tall - 1), columns[-1]), np.int64)
@@ -146,18 +153,12 @@ def _find_seam_paths(
                 for a in range(length):
                     for b in range(2 * reach + 1):
                         y, x = (y0 + a, x1 - reach + b) if side == 0 else (y1 - reach + b, x0 + a)
-                        _sample_bilinear(
-                            image,
-                            _exemplar_position(y, m, source_rows, rows, i),
-                            _exemplar_position(x, n, source_columns, columns, j),
-                            one,
-                        )
-                        _sample_bilinear(
-                            image,
-                            _exemplar_position(y, mm, source_rows, rows, ii),
-                            _exemplar_position(x, nn, source_columns, columns, jj),
-                            other,
-                        )
+                        top, fv = _find_neighbours(_exemplar_position(y, m, source_rows, rows, i), high)
+                        left, fu = _find_neighbours(_exemplar_position(x, n, source_columns, columns, j), broad)
+                        _sample_bilinear(image, top, fv, left, fu, one)
+                        top, fv = _find_neighbours(_exemplar_position(y, mm, source_rows, rows, ii), high)
+                        left, fu = _find_neighbours(_exemplar_position(x, nn, source_columns, columns, jj), broad)
+                        _sample_bilinear(image, top, fv, left, fu, other)
                         error[a, b] = 0.01 * abs(b - reach)
                         for c in range(3):
                             error[a, b] += (one[c] - other[c]) ** 2
@@ -221,15 +222,16 @@ def _render_cells(
     across = len(source_columns) - 1
     out = np.empty((height, width, 3), np.float32)
     for y in range(height):
+        shown = -1
+        n, j, top, fv = 0, 0, 0, np.float32(0)
         for x in range(width):
-            m, n = cell[y, x] // wide, cell[y, x] % wide
-            i, j = tiles[m, n] // across, tiles[m, n] % across
-            _sample_bilinear(
-                image,
-                _exemplar_position(y, m, source_rows, rows, i),
-                _exemplar_position(x, n, source_columns, columns, j),
-                out[y, x],
-            )
+            if cell[y, x] != shown:
+                shown = cell[y, x]
+                m, n = shown // wide, shown % wide
+                i, j = tiles[m, n] // across, tiles[m, n] % across
+                top, fv = _find_neighbours(_exemplar_position(y, m, source_rows, rows, i), image.shape[0])
+            left, fu = _find_neighbours(_exemplar_position(x, n, source_columns, columns, j), image.shape[1])
+            _sample_bilinear(image, top, fv, left, fu, out[y, x])
     return out
 
 
@@ -270,21 +272,24 @@ def _render_faded(
     weight = np.zeros((height, width), np.float32)
     across = len(source_columns) - 1
     one = np.empty(3, np.float32)
+    lefts, shares, fades = np.empty(width, np.int64), np.empty(width, np.float32), np.empty(width)
     for m in range(tiles.shape[0]):
         for n in range(tiles.shape[1]):
             i, j = tiles[m, n] // across, tiles[m, n] % across
             y0, y1, x0, x1 = rows[m], rows[m + 1], columns[n], columns[n + 1]
             if y1 == y0 or x1 == x0:
                 continue
+            start, stop = max(0, x0 - margin), min(width, x1 + margin)
+            for x in range(start, stop):
+                u = _exemplar_position(x, n, source_columns, columns, j)
+                lefts[x], shares[x] = _find_neighbours(u, image.shape[1])
+                fades[x] = _fade(x, x0, x1, margin)
             for y in range(max(0, y0 - margin), min(height, y1 + margin)):
-                fade_y = min(1.0, (y - y0 + 0.5 + margin) / (2.0 * margin), (y1 - y - 0.5 + margin) / (2.0 * margin))
-                v = _exemplar_position(y, m, source_rows, rows, i)
-                for x in range(max(0, x0 - margin), min(width, x1 + margin)):
-                    fade_x = min(
-                        1.0, (x - x0 + 0.5 + margin) / (2.0 * margin), (x1 - x - 0.5 + margin) / (2.0 * margin)
-                    )
-                    _sample_bilinear(image, v, _exemplar_position(x, n, source_columns, columns, j), one)
-                    w = np.float32(fade_y * fade_x)
+                fade_y = _fade(y, y0, y1, margin)
+                top, fv = _find_neighbours(_exemplar_position(y, m, source_rows, rows, i), image.shape[0])
+                for x in range(start, stop):
+                    _sample_bilinear(image, top, fv, lefts[x], shares[x], one)
+                    w = np.float32(fade_y * fades[x])
                     weight[y, x] += w
                     for c in range(3):
                         out[y, x, c] += w * one[c]
@@ -293,3 +298,11 @@ def _render_faded(
             for c in range(3):
                 out[y, x, c] /= weight[y, x]
     return out
+
+
+@njit(cache=True)
+def _fade(position: int, start: int, stop: int, margin: int) -> float:
+    """Return the weight of a cell at a position along an axis: 1 inside, less within `margin` of its borders."""
+    return min(
+        1.0, (position - start + 0.5 + margin) / (2.0 * margin), (stop - position - 0.5 + margin) / (2.0 * margin)
+    )

@@ -210,10 +210,12 @@ def update_costs(
     tables : energy of pairs of tiles.
     cost : (4, M, N) Eq. 5 right, below, Eq. 6 right, below; changed in place.
     tiles : (M, N) int32.
-    y0, y1, x0, x1 : changed block.
+    y0, y1, x0, x1 : changed block, which may be empty.
     """
     right, below, kind, distance, across, down, scale_right, scale_below = tables
     height, width = tiles.shape
+    if y0 >= y1:
+        return
     for y in range(y0, y1):
         for x in range(max(0, x0 - 1), min(x1, width - 1)):
             cost[0, y, x] = right[tiles[y, x], tiles[y, x + 1]]
@@ -250,8 +252,10 @@ def update_costs(
 def sum_costs(cost: Float64Array) -> float:
     """Sum in a fixed order, so that incremental and full energies have the same bits."""
     out = 0.0
-    for term in cost.flat:
-        out += term
+    for term in range(cost.shape[0]):
+        for y in range(cost.shape[1]):
+            for x in range(cost.shape[2]):
+                out += cost[term, y, x]
     return out
 
 

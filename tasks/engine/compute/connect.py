@@ -44,8 +44,10 @@ _DASK_SETTINGS = {
     "distributed.deploy.lost-worker-timeout": "1 day",
     # without Dask's MALLOC_TRIM_THRESHOLD_, which has every array of a viewpoint mapped anew: a tenth of its time
     "distributed.nanny.pre-spawn-environ": ONE_THREAD,
-    # what watches the workers, 50 to 100 times a second each, takes an eighth of a core from them
+    # what watches the workers, 10 to 100 times a second each, takes an eighth of a core from them
     "distributed.worker.profile.enabled": False,
+    "distributed.worker.memory.monitor-interval": "500ms",
+    "distributed.scheduler.work-stealing-interval": "500ms",
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "5s",
 }

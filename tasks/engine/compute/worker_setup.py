@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import logging
 import os
 import platform
@@ -176,6 +177,7 @@ def _import_workers() -> None:
         import_module(worker_module(stage.stage))
 
     compile_kernels_once()
+    gc.freeze()  # the modules stay: collections need not visit them each time
 
 
 def inspect_worker(token: str) -> tuple[bool, dict[str, str]]:
