@@ -58,3 +58,23 @@ def paint_door_tile(
     tile.fill_box(w - 0.06, 0, w, h, colour * 1.15, -0.18)
     tile.add_moulding(0, h - step, w, h, hex_to_linear("#9a958d"), (0.02, 0.02, 0.0))
     return tile
+
+
+def paint_gate_tile(shape: tuple[int, int], scale: float, colour: Float32Array, *, rng: np.random.Generator) -> Canvas:
+    """Paint a sectional gate for vehicles; arguments as in `paint_door_tile`."""
+    tile = Canvas.blank(*shape, scale)
+    w, h = tile.width_m, tile.height_m
+    tile.albedo[:] = colour * (1 + 0.05 * smooth_noise(shape, (0.3 * scale, 0.9 * scale), rng))[..., None]
+    tile.relief[:] = -0.14
+    count = max(3, round(h / 0.55))
+    cuts = np.linspace(0.08, h, count + 1)
+    for y in cuts[:-1]:
+        tile.fill_box(0, y - 0.015, w, y + 0.015, colour * 0.55, -0.17)
+    lights = max(2, round((w - 0.3) / 0.75))
+    y0, y1 = cuts[1] + 0.12, cuts[2] - 0.12
+    for x in np.linspace(0.15, w - 0.15, lights + 1)[:-1]:
+        at = tile.region(x + 0.08, y0, x + (w - 0.3) / lights - 0.08, y1)
+        tile.albedo[at], tile.relief[at], tile.gloss[at] = 0.8 * hex_to_linear("#35353a"), -0.17, 1.0
+    for x0, y0, x1, y1 in ((0, 0, 0.09, h), (w - 0.09, 0, w, h), (0, 0, w, 0.09)):
+        tile.fill_box(x0, y0, x1, y1, colour * 0.8, -0.03)
+    return tile

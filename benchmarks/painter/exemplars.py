@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from benchmarks.painter.facade import PaintedFacade, paint_facade
-from benchmarks.painter.facade_plan import GROUND_SHARE
 from benchmarks.painter.styles import STYLE_BY_NAME, STYLES
 from facade_core.core.errors import LayoutError
 
@@ -65,7 +64,9 @@ def paint_exemplar(
     floors, columns = int(rng.integers(3, 8)), int(rng.integers(3, 9))
     width = float(np.clip(columns * rng.uniform(2.5, 3.4), 10, 26))
     height = (
-        UPPER_FLOOR_HEIGHT_M * rng.uniform(0.96, 1.05) * (floors - 1 + GROUND_SHARE) + style.crown + style.roof_height
+        UPPER_FLOOR_HEIGHT_M * rng.uniform(0.96, 1.05) * (floors - 1 + style.ground_share)
+        + style.crown
+        + style.roof_height
     )
     return paint_facade(
         (float(height), width),

@@ -12,8 +12,9 @@ from benchmarks.painter import entrances, materials, ornament, railings, shops
 from benchmarks.painter.canvas import GAMMA, Canvas, hex_to_linear
 from benchmarks.painter.canvas_light import shade_canvas
 from benchmarks.painter.facade_plan import FacadePlan, PaintedOpening, plan_facade
+from benchmarks.painter.library_styles import LIBRARY_STYLES
 from benchmarks.painter.occluders import paint_occluders
-from benchmarks.painter.styles import STYLE_BY_NAME, STYLES
+from benchmarks.painter.styles import STYLE_BY_NAME
 from benchmarks.painter.weather import apply_weathering
 from benchmarks.painter.windows import (
     HIGH_FLOOR_SKY_PROBABILITY,
@@ -34,6 +35,8 @@ MAX_PIXELS = 12_000_000
 ROOM_VARIANTS = 4  # rooms painted per window state and size
 # Linear light that glass and air add to the darkest gap: 24 of 255. No texel of a wall is black.
 MIN_LINEAR_LIGHT = np.float32((24 / 255) ** GAMMA)
+# Styles that can be painted; new ones come last, as a style's number is part of the seed.
+PAINTED_STYLES = STYLE_BY_NAME | {style.name: style for style in LIBRARY_STYLES}
 _CURTAINS = ("#ece4d2", "#d9b98a", "#b9694c", "#9aa98c", "#e6d3c4", "#f2eee4")
 _BLINDS = ("#e6e0d0", "#d8cdb4", "#c9b48c", "#dfe2e0")
 
@@ -93,9 +96,9 @@ def paint_facade(
         The size, a count or the style cannot be painted.
     """
     height, width = _validate_size(size_m, floors, columns, style, metres_per_pixel, seed, occluders)
-    rng = np.random.default_rng([seed, STYLES.index(style), floors, columns])
+    rng = np.random.default_rng([seed, list(PAINTED_STYLES).index(style), floors, columns])
     plan = plan_facade(
-        STYLE_BY_NAME[style], height, width, floors=floors, columns=columns, metres_per_pixel=metres_per_pixel, rng=rng
+        PAINTED_STYLES[style], height, width, floors=floors, columns=columns, metres_per_pixel=metres_per_pixel, rng=rng
     )
     canvas = _paint_canvas(plan, rng)
     small = cv2.resize(shade_canvas(canvas), (width, height), interpolation=cv2.INTER_AREA)
@@ -109,8 +112,8 @@ def _validate_size(
     size_m: tuple[float, float], floors: int, columns: int, style: str, mpp: float, seed: int, occluders: int
 ) -> tuple[int, int]:
     """Check the arguments of `paint_facade` and return height and width in pixels."""
-    if style not in STYLE_BY_NAME:
-        raise LayoutError(f"facade style {style!r} is not known; use one of {', '.join(STYLES)}")
+    if style not in PAINTED_STYLES:
+        raise LayoutError(f"facade style {style!r} is not known; use one of {', '.join(PAINTED_STYLES)}")
     if len(size_m) != 2 or not all(math.isfinite(s) and s > 0 for s in size_m):
         raise LayoutError(f"facade size_m {size_m!r} must be (height, width), two positive numbers of metres")
     for name, count, least in (("floors", floors, 1), ("columns", columns, 1), ("occluders", occluders, 0)):
@@ -154,6 +157,8 @@ def _paint_canvas(plan: FacadePlan, rng: np.random.Generator) -> Canvas:
         )
     )
     frame, curtain, blind = (hex_to_linear(str(rng.choice(c))) for c in (style.frame_colours, _CURTAINS, _BLINDS))
+    if style.is_workplace:
+        curtain = blind = hex_to_linear("#c4cacb")
     _paint_walls(canvas, plan, palette, rng)
     ledges = ornament.paint_courses_quoins_plinth(canvas, plan, palette)
     ornament.paint_crown(canvas, plan, palette)
@@ -172,18 +177,26 @@ def _paint_walls(canvas: Canvas, plan: FacadePlan, palette: ornament.FacadePalet
     top, ground, bottom = plan.roof * mpp, plan.lines[1] * mpp, plan.lines[0] * mpp
     # A course narrower than two and a half pixels would be lost, or beat against the raster.
     course = max(0.075, 2.5 * mpp)
-    upper = (0.0, top, w, max(ground, top + mpp))
+    upper = (0.0, top, w, bottom if style.base == "wall" else max(ground, top + mpp))
     if style.wall == "brick":
         bond = materials.MasonryBond(course, 3.33 * course, 0.14 * course, header=1.67 * course, spread=0.15)
         materials.paint_masonry(canvas, upper, palette.wall, hex_to_linear("#a59380"), bond, rng)
     elif style.wall == "ashlar":
         bond = materials.MasonryBond(0.42, 1.0, 0.02, spread=0.035)
         materials.paint_masonry(canvas, upper, palette.wall, palette.wall * 0.62, bond, rng)
+    elif style.wall == "panels":
+        lines = [y * mpp for y in plan.lines]
+        joints = np.arange(1, round(plan.width / plan.pitch)) * plan.pitch * mpp
+        materials.paint_panels(canvas, upper, palette.wall, rng, joints.tolist(), lines[1:])
+    elif style.wall in ("ribs", "boards"):
+        materials.paint_profiled_sheets(canvas, upper, palette.wall, rng, is_level=style.wall == "boards")
     else:
         rough = {"jugend": 0.9, "functionalist": 0.35, "classicism": 0.5, "post-war": 1.0}.get(style.name, 0.2)
         materials.paint_plaster(canvas, upper, palette.wall, rng, rough=rough)
     lower = (0.0, ground, w, bottom)
-    if style.base == "banded":
+    if style.base == "wall":
+        pass
+    elif style.base == "banded":
         materials.paint_rustication(canvas, lower, palette.base, rng, course=0.46)
     elif style.base == "granite":
         bond = materials.MasonryBond(0.48, 1.0, 0.035, header=0.6, spread=0.09)
@@ -227,7 +240,7 @@ def _paint_openings(
         high = 2 * o.floor > plan.floors
         key = (o.kind, o.state, shape(o), high, int(rng.integers(ROOM_VARIANTS)))
         if key not in tiles:
-            sky = HIGH_FLOOR_SKY_PROBABILITY if high else LOW_FLOOR_SKY_PROBABILITY
+            sky = HIGH_FLOOR_SKY_PROBABILITY if high or style.glazing == "curtain" else LOW_FLOOR_SKY_PROBABILITY
             tiles[key] = paint_window_tile(shape(o), canvas.scale, style.glazing, o.kind, o.state, fabrics, sky, rng)
         tile, opening = tiles[key]
         canvas.paste(vary_pane_brightness(tile, rng), o.box[0] * factor, o.box[1] * factor, opening)
@@ -243,8 +256,11 @@ def _paint_openings(
             railings.paint_brackets(canvas, np.array([box[0] + 0.2, box[2] - 0.2]), box[3], palette.trim)
         railings.paint_balcony(canvas, box, style.railing, o.state, palette.trim, parapet, rng, spacing=spacing)
     for o in by_label["door"]:
-        ornament.paint_door_surround(canvas, plan, metres(o), palette)
-        tile = entrances.paint_door_tile(shape(o), canvas.scale, palette.door, is_modern=style.is_modern, rng=rng)
+        if o.kind == "gate":
+            tile = entrances.paint_gate_tile(shape(o), canvas.scale, palette.door, rng=rng)
+        else:
+            ornament.paint_door_surround(canvas, plan, metres(o), palette)
+            tile = entrances.paint_door_tile(shape(o), canvas.scale, palette.door, is_modern=style.is_modern, rng=rng)
         canvas.paste(tile, o.box[0] * factor, o.box[1] * factor)
     bays = by_label["shop"]
     ornament.paint_shop_pilasters(canvas, plan, [metres(o) for o in bays], palette)

@@ -11,7 +11,6 @@ from facade_core.core.arrays import UInt8Array
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, FacadeClass
 from facade_core.core.types import Element
 
-GROUND_SHARE = 1.28  # height of the ground floor in heights of an upper floor
 WINDOW_STATES = ("clear", "curtains-open", "curtains-drawn", "blind-half", "blind-full")
 WINDOW_ODDS = (0.50, 0.21, 0.06, 0.15, 0.08)
 BALCONY_STATES = ("bare", "flowers")
@@ -134,7 +133,7 @@ def plan_facade(
     height_m = height * mpp
     roof = px(min(style.roof_height, 0.19 * height_m)) if style.roof_height else 0
     crown = px(min(style.crown, 0.07 * height_m))
-    storey = (height - roof - crown) / (floors - 1 + GROUND_SHARE)
+    storey = (height - roof - crown) / (floors - 1 + style.ground_share)
     # All upper floors have the same whole number of pixels; the ground floor takes the rest.
     rise = int(storey)
     lines = (height, *(roof + crown + rise * (floors - 1 - f) for f in range(floors)))
@@ -241,16 +240,28 @@ def _place_ground_floor(
     tall = height - ceiling
     shops = rng.random() < style.shops and tall * mpp >= 2.8 and pitch * mpp >= 1.9
     doorway = columns // 2 if style.balconies == "centre" else int(rng.integers(columns))
-    door_w = max(2, round(min(0.52 * pitch * mpp, 1.7) / mpp))
+    doorways = (
+        set(range(doorway % style.columns_per_door, columns, style.columns_per_door))
+        if style.columns_per_door
+        else {doorway}
+    )
+    door_w = max(2, round((style.door_width or min(0.52 * pitch * mpp, 1.7)) / mpp))
     found = []
     units = _assign_shops(columns, doorway, rng) if shops else {}
     states = rng.choice(SHOP_STATES, columns, p=SHOP_ODDS)
     edge, pier = _end_margin(round(columns * pitch), mpp), PIER_WIDTH_M / mpp
     for column in range(columns):
-        if column == doorway:
+        if column in doorways:
             top = ceiling + round(0.20 * tall)
             found.append(
-                PaintedOpening("door", "plain", "leaf", _centred_box(column, pitch, door_w, top, height), 0, column)
+                PaintedOpening(
+                    "door",
+                    "gate" if style.has_gates else "plain",
+                    "leaf",
+                    _centred_box(column, pitch, door_w, top, height),
+                    0,
+                    column,
+                )
             )
         elif column in units:
             wide = min(pitch - pier, MAX_BAY_WIDTH_M / mpp)
@@ -263,7 +274,7 @@ def _place_ground_floor(
             found.append(PaintedOpening("shop", "plain", str(states[unit]), box, 0, column, unit))
         else:
             state = str(rng.choice(WINDOW_STATES, p=WINDOW_ODDS))
-            top, bottom = ceiling + round(0.22 * tall), ceiling + round(0.70 * tall)
+            top, bottom = (ceiling + round(share * tall) for share in style.ground_window)
             found.append(
                 PaintedOpening("window", "ground", state, _centred_box(column, pitch, window_w, top, bottom), 0, column)
             )

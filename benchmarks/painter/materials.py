@@ -240,3 +240,70 @@ def paint_sheet_metal(
     count = max(2, round((x1 - x0) / 0.55))
     for x in np.linspace(x0, x1, count + 1)[1:-1]:
         canvas.relief[canvas.region(x - 0.02, y0, x + 0.02, y1)] = 0.03
+
+
+def paint_panels(
+    canvas: Canvas,
+    box: tuple[float, float, float, float],
+    colour: Float32Array,
+    rng: np.random.Generator,
+    across: list[float],
+    down: list[float],
+) -> None:
+    """Paint cast panels, each of a slightly different tone, with joints.
+
+    Parameters
+    ----------
+    canvas : changed in place.
+    box : x0, y0, x1, y1 in metres.
+    colour : (3,) linear light.
+    rng : source of randomness.
+    across, down : x and y of the joints in metres.
+    """
+    paint_plaster(canvas, box, colour, rng, rough=0.3)
+    x0, y0, x1, y1 = box
+    rows = [y0, *sorted(y for y in down if y0 < y < y1), y1]
+    columns = [x0, *across, x1]
+    for top, bottom in zip(rows, rows[1:], strict=False):
+        for left, right in zip(columns, columns[1:], strict=False):
+            canvas.albedo[canvas.region(left, top, right, bottom)] *= np.float32(1 + 0.035 * rng.standard_normal())
+    joints = [(x0, y - 0.012, x1, y + 0.012) for y in rows[1:-1]] + [(x - 0.012, y0, x + 0.012, y1) for x in across]
+    for joint in joints:
+        at = canvas.region(*joint)
+        canvas.albedo[at] *= np.float32(0.62)
+        canvas.relief[at] = -0.012
+
+
+def paint_profiled_sheets(
+    canvas: Canvas,
+    box: tuple[float, float, float, float],
+    colour: Float32Array,
+    rng: np.random.Generator,
+    *,
+    is_level: bool,
+) -> None:
+    """Paint upright ribbed sheets, or level boards that lap over the next.
+
+    Parameters
+    ----------
+    canvas : changed in place.
+    box : x0, y0, x1, y1 in metres.
+    colour : (3,) linear light.
+    rng : source of randomness.
+    is_level : True for boards.
+    """
+    at = canvas.region(*box)
+    shape = canvas.relief[at].shape
+    pitch = max(0.16 if is_level else 0.30, 5 / canvas.scale)
+    places = np.arange(shape[0 if is_level else 1]) / (pitch * canvas.scale)
+    share = (places % 1).astype(np.float32)
+    profile = 0.022 * share if is_level else 0.035 * np.clip(4 * np.abs(share - 0.5) - 0.6, 0, 0.8)
+    tone = 1 + np.float32(0.05 if is_level else 0.015) * rng.standard_normal(int(places[-1]) + 1, dtype=np.float32)
+    along = tone[places.astype(int)] * np.where(share > 0.9 if is_level else share < 0, np.float32(0.8), np.float32(1))
+    lines = np.stack([np.asarray(profile, np.float32), along])
+    lines = lines[:, :, None] if is_level else lines[:, None, :]
+    high, wide = (0.05, 0.9) if is_level else (1.8, 0.3)
+    streaks = smooth_noise(shape, (high * canvas.scale, wide * canvas.scale), rng)
+    canvas.albedo[at] = colour * (lines[1] * (1 + 0.03 * streaks))[..., None]
+    canvas.relief[at] = lines[0]
+    canvas.gloss[at] = 0.0 if is_level else 0.08

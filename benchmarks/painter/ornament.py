@@ -45,10 +45,10 @@ def paint_crown(canvas: Canvas, plan: FacadePlan, palette: FacadePalette) -> Non
     mpp, style, w = plan.metres_per_pixel, plan.style, canvas.width_m
     y0, y1 = plan.roof * mpp, (plan.roof + plan.crown) * mpp
     tall, trim = y1 - y0, palette.trim
-    if style.name == "functionalist":
+    if style.name == "functionalist" or style.top == "coping":
         canvas.add_moulding(0, y0, w, y0 + 0.12, hex_to_linear("#7d8082"), (0.12, 0.12, 0.06))
         return
-    if style.name == "post-war":
+    if style.name == "post-war" or style.top == "eaves":
         # Boarded eaves with their shadow.
         canvas.add_moulding(0, y0, w, y0 + 0.5 * tall, trim * 0.9, (0.45, 0.45, 0.42, 0.30))
         return
@@ -134,7 +134,7 @@ def paint_courses_quoins_plinth(canvas: Canvas, plan: FacadePlan, palette: Facad
         ledges = []
         if style.name == "functionalist":
             _paint_ribbons(canvas, plan)
-    if plan.floors > 1 and style.name != "post-war":
+    if plan.floors > 1 and style.name != "post-war" and style.base != "wall":
         y = lines[1]
         canvas.add_moulding(
             0,
@@ -144,6 +144,8 @@ def paint_courses_quoins_plinth(canvas: Canvas, plan: FacadePlan, palette: Facad
             trim if style.base != "tile" else palette.base * 1.2,
             (0.24, *STRING_COURSE_PROFILE_M),
         )
+    if style.base == "wall":
+        return ledges
     plinth = min(0.55, 0.16 * (lines[0] - lines[1]))
     at = canvas.region(0, lines[0] - plinth, w, lines[0])
     canvas.albedo[at] *= 0.82
@@ -242,6 +244,8 @@ def paint_window_surround(
     if opening.kind == "ground" and plan.style.base == "banded":
         _paint_voussoirs(canvas, box, palette.base)
         return
+    if kind == "flush":
+        return
     if kind == "none":
         paint_sill(canvas, box, hex_to_linear("#8f9294"), out=0.06)
         return
@@ -333,6 +337,9 @@ def paint_door_surround(canvas: Canvas, plan: FacadePlan, box: Box, palette: Fac
     if plan.style.is_modern:
         canvas.fill_box(x0 - 0.08, y0 - 0.08, x1 + 0.08, y1, palette.trim, 0.03)
         canvas.add_moulding(x0 - 0.35, y0 - 0.24, x1 + 0.35, y0 - 0.08, palette.trim * 1.05, (0.85, 0.85, 0.82))
+        return
+    if plan.style.base == "wall":
+        canvas.fill_box(x0 - 0.10, y0 - 0.10, x1 + 0.10, y1, palette.trim, 0.03)
         return
     stone = palette.trim if plan.style.base != "granite" else palette.base * 1.15
     canvas.fill_box(x0 - 0.26, y0 - 0.26, x1 + 0.26, y1, stone, 0.11)

@@ -10,10 +10,10 @@ class FacadeStyle:
     """Style of painted facades: lengths in metres; shares of the floor height, or of the column pitch where noted."""
 
     name: str
-    wall: str  # plaster | brick | ashlar
+    wall: str  # plaster | brick | ashlar | panels | ribs | boards
     wall_colours: tuple[str, ...]
     trim_colours: tuple[str, ...]
-    base: str  # granite | banded | ashlar | tile | brick
+    base: str  # granite | banded | ashlar | tile | brick | wall
     base_colours: tuple[str, ...]
     frame_colours: tuple[str, ...]
     door_colours: tuple[str, ...]
@@ -25,16 +25,31 @@ class FacadeStyle:
     window_widest: float
     window_height_share: float
     sill_share: float
-    glazing: str  # jugend | cross | sash | strip | french | grid | deco | picture
-    surround: str  # band | brick | classical | none | keystone | thin
+    glazing: str  # jugend | cross | sash | strip | french | grid | deco | picture | curtain
+    surround: str  # band | brick | classical | none | keystone | thin | flush
     balconies: str  # few | stacks | centre | parisian | none
     railing: str  # iron | bars | solid | stone
     shops: float  # chance of shops on the ground floor
+    top: str = ""  # coping | eaves; empty for a cornice of the style
+    ground_share: float = 1.28  # height of the ground floor in heights of an upper floor
+    ground_window: tuple[float, float] = (0.22, 0.70)  # top and bottom in heights of the ground floor
+    columns_per_door: int = 0  # 0 for one door per facade
+    door_width: float = 0.0  # of the doors; 0 for one that follows the columns
+
+    @property
+    def has_gates(self) -> bool:
+        """True for doors that vehicles take."""
+        return self.door_width > 2.0
+
+    @property
+    def is_workplace(self) -> bool:
+        """True for windows with pale blinds alone."""
+        return self.has_gates or self.glazing == "curtain"
 
     @property
     def is_modern(self) -> bool:
         """True for glazed doors under a canopy."""
-        return self.glazing in ("strip", "deco", "picture")
+        return self.glazing in ("strip", "deco", "picture", "curtain")
 
 
 JUGEND = FacadeStyle(

@@ -17,6 +17,7 @@ FRAME_RELIEF_M = -0.20
 # Reflections in linear light: the sky, and the walls and panes of the buildings across the street.
 _UPPER_SKY = 0.24 * hex_to_linear("#a9c3e2")
 _LOWER_SKY = 0.35 * hex_to_linear("#eef0ee")
+_COATED_GLASS = 0.16 * hex_to_linear("#86aecb")  # coated panes of offices reflect more of the sky
 _OPPOSITE_PANES = hex_to_linear("#3b3a39")
 _OPPOSITE_WALLS = hex_to_linear("#4a4743")
 _ROOM = hex_to_linear("#35353a")
@@ -74,6 +75,8 @@ def paint_window_tile(
     tile.albedo += glass_reflections(
         shape, rng, posts=[tile.to_pixels(x) for x in _post_positions(division, tile.width_m)], sky=sky
     )
+    if glazing == "curtain":
+        tile.albedo += _COATED_GLASS
     tile.gloss[:] = 1.0
     _paint_frame(tile, division, kind, fabrics.frame)
     if kind != "arched":
@@ -182,6 +185,7 @@ def _paint_frame(tile: Canvas, glazing: str, kind: str, colour: Float32Array) ->
         "grid": (0.0, 1, 3),
         "deco": (0.24, 1, 1),
         "picture": (0.0, 1, 1),
+        "curtain": (0.0, 1, 1),
     }[glazing]
     edge, bar, thin = 0.075, 0.065, 0.034
     light = (h - foot) * transom
@@ -202,7 +206,12 @@ def _paint_frame(tile: Canvas, glazing: str, kind: str, colour: Float32Array) ->
 
 def _post_positions(glazing: str, w: float) -> list[float]:
     """Return x of the posts between casements in metres."""
-    sashes = {"jugend": 3 if w > 1.45 else 2, "strip": max(2, round(w / 0.95)), "deco": 3}.get(glazing, 2)
+    sashes = {
+        "jugend": 3 if w > 1.45 else 2,
+        "strip": max(2, round(w / 0.95)),
+        "deco": 3,
+        "curtain": max(1, round(w / 1.25)),
+    }.get(glazing, 2)
     if glazing in ("strip", "picture"):
         # One narrow casement for ventilation next to the wide lights.
         narrow = min(0.5, 0.3 * w)

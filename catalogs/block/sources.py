@@ -9,7 +9,7 @@ from pathlib import Path
 from catalogs.block.declared_keys import PathKind
 from catalogs.block.key_faults import read_block_settings
 from catalogs.block.paths import path_keys, resolve_paths
-from catalogs.examples.painted_pictures import PAINTED_LICENCE, PAINTED_PICTURES, is_painted
+from catalogs.examples.painted_pictures import PAINTED_FOLDERS, PAINTED_LICENCE, is_painted
 from catalogs.examples.sources import EXAMPLE_SOURCES
 from catalogs.imagery.fetch_log import has_fetch_log, read_fetch_log
 from catalogs.stac.facts import DataSourceFacts
@@ -62,7 +62,7 @@ def _picture_licences(folder: Path) -> tuple[str | None, ...]:
 def _is_painted_folder(folder: Path) -> bool:
     """Return True for a folder that holds exactly the project's painted exemplars, or its painted photos."""
     files = {path.name: path for path in folder.iterdir() if path.is_file()}
-    is_whole = any(files.keys() == {one.name for one in shipped.iterdir()} for shipped in PAINTED_PICTURES.iterdir())
+    is_whole = any(files.keys() == {one.name for one in shipped.iterdir()} for shipped in PAINTED_FOLDERS)
     return is_whole and all(map(is_painted, files.values()))
 
 

@@ -13,6 +13,7 @@ import numpy as np
 import shapely
 from shapely import MultiPolygon, Polygon
 
+from catalogs.buildings.facade_styles import add_facade_styles
 from catalogs.buildings.heights import assume_heights
 from catalogs.buildings.models import project_models, split_off_solids
 from catalogs.buildings.part_files import attach_parts
@@ -278,6 +279,8 @@ def assemble_buildings(
     buildings, known = _assume_heights(whole, [*assembly.around, *filter(_states_floor_height, parts)], floor_height)
     if parts:
         buildings = _add_parts(buildings, found, parts, floor_height, assembly.reasons)
+    stated = {one.building.id: one.footprint for one in found if one.footprint}
+    buildings = add_facade_styles(buildings, stated, floor_height)
     omissions = format_reason_notes(assembly.reasons)
     return BlockBuildings(buildings, tuple(assembly.textures), omissions, tuple(assembly.faults), known)
 

@@ -63,6 +63,35 @@ ROOFS = AssumedRoofs()
 
 
 @dataclass(frozen=True, slots=True)
+class FacadeStyleRules:
+    """Facade styles of buildings by size and age, judged by eye on Helsinki, its suburbs and Delfshaven.
+
+    Attributes
+    ----------
+    min_street_floors : floors from which a building may be one of a perimeter block.
+    max_house_floors : floors up to which a building may be a villa or a hall.
+    max_terrace_floors : floors up to which a building may be a house of a terrace.
+    max_terrace_area_m2 : attached buildings up to this area are houses of a terrace.
+    max_villa_area_m2 : detached buildings up to this area are villas.
+    min_hall_area_m2 : detached low buildings from this area are halls.
+    min_slab_floors : detached buildings from these floors are slabs.
+    first_modern_year : year from which flats have panels and offices glass.
+    """
+
+    min_street_floors: int = 3
+    max_house_floors: int = 3
+    max_terrace_floors: int = 5
+    max_terrace_area_m2: float = 180.0
+    max_villa_area_m2: float = 300.0
+    min_hall_area_m2: float = 800.0
+    min_slab_floors: int = 5
+    first_modern_year: int = 1958
+
+
+FACADE_STYLE_RULES = FacadeStyleRules()
+
+
+@dataclass(frozen=True, slots=True)
 class AssumedHeights:
     """Heights of buildings that state none, set by hand on Helsinki (`python -m benchmarks.heights`), without a held-out part.
 

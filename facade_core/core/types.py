@@ -236,6 +236,7 @@ class Building:
     raised : metres from the ground to the underside, 0 for a building on the ground.
     part_of : id of the whole building; its parts share one ground height.
     passages : streets through the building; none for a modelled shell.
+    facade_style : likeliest of `facade_core.core.facade_styles`, for walls without pictures.
     """
 
     id: str
@@ -251,6 +252,7 @@ class Building:
     raised: float = 0.0
     part_of: str | None = None
     passages: tuple[BuildingPassage, ...] = ()
+    facade_style: str = "perimeter-block"
 
     @property
     def whole_id(self) -> str:

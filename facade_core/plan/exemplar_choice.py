@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
@@ -23,6 +23,7 @@ class ExemplarTargetWalls:
     building, street : (n,) hashes of ids, independent of other buildings and streets.
     ends : (n, 2, 2) metres, both ends seen from above.
     shops : (n,) 1 with mapped shops, 0 without, -1 where unknown.
+    style : (n,) number of the facade style of the building; empty: any.
     """
 
     width: Float64Array
@@ -32,6 +33,7 @@ class ExemplarTargetWalls:
     street: Int64Array
     ends: Float64Array
     shops: Int64Array
+    style: Int64Array = field(default_factory=lambda: np.zeros(0, np.int64))
 
 
 def choose_exemplars(
@@ -117,6 +119,9 @@ def choose_ground_floors(
     has_shops, mapped = np.asarray(library.shops, float) > 0, mapped[:, None]
     is_unfit |= has_shops & (mapped == 0)
     cost += EXEMPLAR_CHOICE.shop_cost * (~has_shops & (mapped > 0)) + EXEMPLAR_CHOICE.unfit_cost * is_unfit
+    if library.style is not None:
+        own = np.asarray(library.style)[chosen[first]]
+        cost += EXEMPLAR_CHOICE.other_style_cost * library.is_other_style(own)
     cost += EXEMPLAR_CHOICE.random_cost * draws
     cost[:, foot < EXEMPLAR_CHOICE.min_foot] = np.inf
     best = np.where(cost.min(axis=1) < EXEMPLAR_CHOICE.plain_cost, cost.argmin(axis=1), -1)
@@ -174,6 +179,8 @@ def _misfit_costs(walls: ExemplarTargetWalls, main: Int64Array, library: Exempla
         walls.height[main] / floors, np.asarray(library.height, float) / given
     )
     misfit += EXEMPLAR_CHOICE.width_cost * ratio(walls.width[main], np.asarray(library.width, float))
+    if len(walls.style):
+        misfit += EXEMPLAR_CHOICE.other_style_cost * library.is_other_style(walls.style[main])
     return np.asarray(misfit + EXEMPLAR_CHOICE.quality_cost * (1 - np.asarray(library.body, float)))
 
 

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 
-from facade_core.core.arrays import Float64Array
+from facade_core.core.arrays import Float64Array, Int64Array
+from facade_core.core.facade_styles import facade_style_number
 from facade_core.core.name_hash import hash_name
 from facade_core.core.types import Building
 from facade_core.plan.exemplar_choice import ExemplarTargetWalls
@@ -47,7 +48,13 @@ def target_walls_from_outlines(
         np.array([hash_name(name) for name in streets], np.int64)[of],
         walls,
         np.array(shops, np.int64)[of],
+        facade_style_numbers(buildings)[of],
     )
+
+
+def facade_style_numbers(buildings: Sequence[Building]) -> Int64Array:
+    """Return the numbers of the facade styles of n buildings, (n,)."""
+    return np.array([facade_style_number(building.facade_style) for building in buildings], np.int64)
 
 
 def _edges(ring: Float64Array) -> Float64Array:

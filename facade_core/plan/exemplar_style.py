@@ -8,7 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from facade_core.core.arrays import Float64Array, Int64Array, UInt8Array
+from facade_core.core.arrays import BoolArray, Float64Array, Int64Array, UInt8Array
+from facade_core.core.facade_styles import OTHER_STYLE
 from facade_core.core.labels import FacadeClass
 from facade_core.plan.settings import EXEMPLAR_STYLE
 
@@ -28,6 +29,7 @@ class ExemplarLibrary:
     fronts : metres of the narrowest shop; 0 without shops.
     body, foot : quality of the upper floors and of the ground floor, 0 to 1, `facade_core.facade.exemplar_quality`.
     descriptors : (k, 9), see `style_descriptor`.
+    style : number of the style of shipped exemplars, OTHER_STYLE of others; None: all are others.
     """
 
     width: Sequence[float]
@@ -38,6 +40,12 @@ class ExemplarLibrary:
     body: Sequence[float]
     foot: Sequence[float]
     descriptors: Sequence[Sequence[float]]
+    style: Sequence[int] | None = None
+
+    def is_other_style(self, style: Int64Array) -> BoolArray:
+        """Return whether each exemplar is a shipped one of another style than (n,) numbers of styles, (n, k)."""
+        own = np.full(len(self.floors), OTHER_STYLE) if self.style is None else np.asarray(self.style)
+        return np.asarray((own != OTHER_STYLE) & (style[:, None] != OTHER_STYLE) & (own != style[:, None]))
 
     @cached_property
     def distance(self) -> Float64Array:

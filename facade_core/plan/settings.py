@@ -49,6 +49,7 @@ class ExemplarChoiceSettings:
         distances.
     unfit_cost, min_front_share : cost of a ground floor with shops where the map has none, or whose narrowest shop is wider
         than the wall if it were squeezed to this share.
+    other_style_cost : cost of a shipped exemplar of another style than the building, which beats all other costs.
     """
 
     random_cost: float = 0.8
@@ -70,6 +71,7 @@ class ExemplarChoiceSettings:
     plain_cost: float = 3.0
     unfit_cost: float = 5.0
     min_front_share: float = 0.8
+    other_style_cost: float = 100.0
 
 
 EXEMPLAR_CHOICE = ExemplarChoiceSettings()

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from benchmarks.painter.facade import paint_facade
+from facade_core.core.facade_styles import OTHER_STYLE
 from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.ground_floor import (
     replace_ground_floor_by_windows,
@@ -35,7 +36,7 @@ def row(count: int, *, street: int = 1, start: float = 0.0, number: int = 0) -> 
     ends = np.stack([np.stack([west, side], 1), np.stack([west + STEP, side], 1)], 1)
     whole = np.full(count, 1)
     return ExemplarTargetWalls(
-        20.0 * whole, 18.0 * whole, 5 * whole, number + np.arange(count), street * whole, ends, -whole
+        20.0 * whole, 18.0 * whole, 5 * whole, number + np.arange(count), street * whole, ends, -whole, 0 * whole
     )
 
 
@@ -109,6 +110,24 @@ def test_a_poor_exemplar_is_shown_less_than_a_good_one_is_repeated() -> None:
     body = [1.0, 0.5, 1.0, 0.5, 1.0, 0.5]
     used = np.bincount(choose_exemplars(crowd, replace(library(6), body=body), seed=1), minlength=6)
     assert used[1::2].sum() < 0.2 * used.sum()
+
+
+def test_a_building_takes_a_shipped_exemplar_of_its_own_style() -> None:
+    walls = replace(row(12), style=np.arange(12) % 2)
+    shipped = replace(library(6), style=[0, 0, 0, 1, 1, 2], floors=[5.0, 5.0, 5.0, 1.0, 1.0, 5.0])
+    chosen = choose_exemplars(walls, shipped, seed=1)
+    assert np.array_equal(np.array(shipped.style)[chosen], walls.style), "in spite of its floors and its neighbours"
+    own = replace(library(6), style=[OTHER_STYLE] * 6)
+    assert np.array_equal(choose_exemplars(walls, own, seed=1), choose_exemplars(row(12), library(6), seed=1))
+    mixed = replace(library(6), style=[OTHER_STYLE, 2, 2, 2, 2, 2])
+    assert set(choose_exemplars(walls, mixed, seed=1)) == {0}, "an own picture before a shipped one of another style"
+
+
+def test_a_shipped_exemplar_takes_no_ground_floor_of_another_style() -> None:
+    shipped = replace(library(2), style=[0, 1], foot=[0.3, 1.0])
+    assert ground_floors(shipped, [0]) == [-1]
+    assert ground_floors(replace(shipped, style=[0, 0]), [0]) == [1]
+    assert ground_floors(replace(shipped, style=[OTHER_STYLE, 1]), [0]) == [1]
 
 
 def ground_floors(styles: ExemplarLibrary, chosen: list[int], width: float = 20.0, shops: int = -1) -> list[int]:

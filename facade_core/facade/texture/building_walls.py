@@ -243,7 +243,8 @@ def _divide_into_bays(style: ExemplarAnalysis, wall: FacadeWall, scale: float) -
 
 def _wall_sections(wall: FacadeWall, bay: float) -> list[float]:
     """Return the ends of a wall, and the seams and steps of its free part with room for whole bays between them, metres."""
-    edges = [edge for part in shapely.get_parts(wall.free) for edge in pairwise(part.exterior.coords)]
+    outlines = [part for part in shapely.get_parts(wall.free) if part.geom_type == "Polygon"]
+    edges = [edge for part in outlines for edge in pairwise(part.exterior.coords)]
     steps = [x for (x, y), (u, v) in edges if abs(x - u) < BAYS.window_margin_m and abs(y - v) > FLOORS.min_floor_m]
     ends = [0.0]
     for seam in sorted([*wall.seams, *steps]):

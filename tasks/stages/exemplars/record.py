@@ -27,6 +27,7 @@ class ExemplarFacts(TypedDict, total=False):
     quality : score of the exemplar, 0 to 1.
     quality_parts : parts of the score, `facade_core.facade.exemplar_quality`.
     looked : whether faces and plates were looked for.
+    style : style of a shipped exemplar; none of others.
     """
 
     width_m: float
@@ -44,6 +45,7 @@ class ExemplarFacts(TypedDict, total=False):
     quality: float
     quality_parts: dict[str, float]
     looked: bool
+    style: str
 
 
 class ExemplarRecord(ExemplarFacts, Record, total=False):

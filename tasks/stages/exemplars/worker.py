@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from icechunk import ForkSession
 
+from catalogs.examples.painted_pictures import shipped_style
 from facade_core.atlas.journal import Record, read_records
 from facade_core.atlas.store import open_root
 from facade_core.atlas.stored_files import digest_stored_file, exemplar_folder
@@ -127,6 +128,8 @@ def prepare_picture(inputs: ExemplarInputs) -> PreparedExemplar:
         "metres_per_pixel": prepared.metres_per_pixel,
         "looked": detectors_available(),
     }
+    if (style := shipped_style(inputs.picture)) is not None:
+        facts["style"] = style
     preview = _draw_preview(inputs.privacy, picture.rgb, private, prepared)
     return PreparedExemplar(texture, labels, preview, facts, seconds | prepared.seconds)
 

@@ -18,12 +18,13 @@ from facade_core.atlas.journal import read_journal
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root, open_root_of_any_format
 from facade_core.atlas.stored_files import EXEMPLARS
 from facade_core.core.arrays import Int64Array
+from facade_core.core.facade_styles import facade_style_number
 from facade_core.core.name_hash import hash_name
-from facade_core.core.types import Street
+from facade_core.core.types import Building, Street
 from facade_core.core.zarr_types import StoreGroup, get_subgroup
 from facade_core.facade.exemplar_quality import ExemplarQuality
 from facade_core.plan.exemplar_choice import ExemplarTargetWalls, choose_exemplars, choose_ground_floors
-from facade_core.plan.exemplar_inputs import target_walls_from_outlines
+from facade_core.plan.exemplar_inputs import facade_style_numbers, target_walls_from_outlines
 from facade_core.plan.exemplar_style import ExemplarLibrary
 from facade_core.plan.kept_choices import Wall, keeps_choice, walls_by_building
 from facade_core.plan.plan import Plan
@@ -271,7 +272,14 @@ def exemplar_choice_walls(plan: Plan, block: Block, shops: Int64Array) -> Exempl
         _street_numbers(plan.streets)[facades.street[told]],
         plan.scene.charts.points_at_shares(facades.chart[told], FOOT_CORNERS)[..., :2],
         shops[told],
+        facade_style_numbers(_buildings_by_row(plan, block))[facades.building[told]],
     )
+
+
+def _buildings_by_row(plan: Plan, block: Block) -> list[Building]:
+    """Return the buildings of a block in the order of its plan."""
+    of_id = {building.id: building for building in block.buildings}
+    return [of_id[name] for name in plan.scene.names]
 
 
 def usable_exemplars(records: Sequence[ExemplarRecord | None]) -> tuple[list[ChosenExemplar], ExemplarLibrary]:
@@ -297,6 +305,7 @@ def exemplar_library(records: Sequence[ExemplarRecord]) -> ExemplarLibrary:
         ],
         [quality.foot for quality in parts],
         [record["look"] for record in records],
+        [facade_style_number(record.get("style")) for record in records],
     )
 
 

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from benchmarks.painter.paint_demo import EXEMPLARS
 from catalogs.block.key_faults import validate_block_settings
 from catalogs.block.yaml_files import read_yaml
+from catalogs.examples.painted_pictures import PAINTED_FOLDERS
 from catalogs.examples.sources import EXAMPLE_BLOCKS_FOLDER, EXAMPLE_SOURCES, ExampleDataFile, ExampleDataSource
 from facade_core.core.errors import InputError
 from tasks.examples.fetch import fetch_block
@@ -63,7 +63,7 @@ def test_a_fetched_block_names_what_was_fetched(
     assert keys.imagery.exemplars is not None
     assert keys.imagery.exemplars.path == "exemplars"
     assert "$" not in block.read_text()
-    assert len(list((block.parent / "exemplars").glob("*.webp"))) == EXEMPLARS
+    assert len(list((block.parent / "exemplars").glob("*.webp"))) == len(list(PAINTED_FOLDERS[0].glob("*.webp")))
 
 
 def test_what_is_there_is_not_fetched_again(

@@ -10,6 +10,7 @@ import pytest
 import yaml
 from click.testing import CliRunner
 
+from catalogs.examples.painted_pictures import PAINTED_FOLDERS
 from facade_core.core.errors import InputError
 from flows.cli.commands import command_line
 from tasks.city.blocks import partition_city_file
@@ -40,7 +41,7 @@ def test_a_new_city_is_planned_and_cut(tmp_path: Path) -> None:
     estimate = json.loads(output.splitlines()[-1])
     assert code == 0
     assert 50 < estimate["facades"] < 500
-    assert estimate["exemplars"] == 40
+    assert estimate["exemplars"] == len(list(PAINTED_FOLDERS[0].glob("*.webp")))
     assert estimate["hours_low"] < estimate["hours"] < estimate["hours_high"]
     assert len(partition_city_file(file, tmp_path / "out").blocks) == estimate["blocks"]
 
