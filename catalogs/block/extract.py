@@ -35,7 +35,7 @@ from facade_core.core.regular_files import MAX_TEXT_BYTES, require_regular
 from facade_core.core.types import Building, MappedGround, Street
 
 # A change to the fields of a class in `VALUE_TYPES` is another format.
-EXTRACT_FORMAT = 3
+EXTRACT_FORMAT = 4
 
 
 @dataclass(frozen=True)
