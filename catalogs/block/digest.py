@@ -60,6 +60,7 @@ def plan_input_digest(block: Block) -> str:
             "streets": block.streets,
             "ground": block.ground,
             "terrain": block.terrain,
+            "neighbours": block.neighbours,
             "aerial": _aerial_inputs(block),
             "own": block.part and (block.part.buildings, block.part.streets),
         }

@@ -26,6 +26,7 @@ from catalogs.buildings.assembly import BlockBuildings, assemble_buildings
 from catalogs.buildings.axis_mistakes import SWAPPED_AXES_NOTE, note_local_coordinates, swapped_places
 from catalogs.buildings.extents import Bounds, check_area_span, locate_boxes, reject_stray_buildings
 from catalogs.buildings.surface_heights import measure_assumed_heights
+from catalogs.buildings.surroundings import find_neighbours, select_objects
 from catalogs.crs import LONLAT, bounds_to_lonlat, coordinate_transform, have_heights_above_sea
 from catalogs.features import CentrelinesAndGround, Fault, Remark, feature_ids_by_reason, format_reason_notes
 from catalogs.printable_text import format_unit_reason
@@ -61,6 +62,7 @@ class BlockGeometry:
     shops : (x, y) of mapped shops and of likely ones; None without a map.
     entrances : (x, y) of mapped entrances.
     has_heights_above_sea : whether the CRSs of all buildings say so.
+    neighbours : buildings around the block's area, for views.
     """
 
     crs: CRS
@@ -73,6 +75,7 @@ class BlockGeometry:
     shops: tuple[tuple[float, float], ...] | None = None
     entrances: tuple[tuple[float, float], ...] = ()
     has_heights_above_sea: bool = False
+    neighbours: tuple[Building, ...] = ()
 
 
 class _BlockArea(NamedTuple):
@@ -110,6 +113,7 @@ def read_geometry(keys: BlockFileSettings, files: NamedFiles, file: BlockFileErr
     built = assemble_buildings(sources, frame, area=area, floor_height=keys.storey)
     if not built.items:
         raise _empty_error("buildings", keys, files, bounds, built.faults, file, built.notes)
+    neighbours = () if keys.props == "off" else find_neighbours(sources, frame, area, built.items, keys.storey)
     extent = buildings_extent_with_margin(built.items)
     notes += note_local_coordinates(frame, extent)
     if keys.buildings.heights is not None:
@@ -121,10 +125,14 @@ def read_geometry(keys: BlockFileSettings, files: NamedFiles, file: BlockFileErr
     notes += format_reason_notes(feature_ids_by_reason(remark for one in lying for remark in one.remarks))
     if centrelines is None:
         ground = file.call_reader("ground.path", build_block_ground, lying, frame, around, area)
+        ground = select_objects(ground, keys.props)
         opened = open_passages(built.items, CentrelinesAndGround(None, ()), lying, frame)
         built, notes = replace(built, items=opened.buildings), notes + format_reason_notes(opened.reasons)
-        return BlockGeometry(frame, built, (), ground, extent, notes, built.faults, shops, entrances, above_sea)
+        return BlockGeometry(
+            frame, built, (), ground, extent, notes, built.faults, shops, entrances, above_sea, neighbours
+        )
     ground = file.call_reader("streets.path", build_block_ground, [centrelines, *lying], frame, around, area)
+    ground = select_objects(ground, keys.props)
     if shops is not None:
         passages = passage_ids([centrelines, *lying])
         roads = [way for way in ground.ways if way.id not in passages]
@@ -134,7 +142,9 @@ def read_geometry(keys: BlockFileSettings, files: NamedFiles, file: BlockFileErr
     )
     built = replace(built, items=buildings)
     faults = (*built.faults, *broken)
-    return BlockGeometry(frame, built, streets, ground, extent, notes + cut, faults, shops, entrances, above_sea)
+    return BlockGeometry(
+        frame, built, streets, ground, extent, notes + cut, faults, shops, entrances, above_sea, neighbours
+    )
 
 
 def _measure_heights(

@@ -12,11 +12,12 @@ import shapely
 from shapely import LineString
 
 from catalogs.block.streets import project_lines
+from catalogs.buildings.surroundings import build_ground_objects
 from catalogs.features import CentrelinesAndGround, natural_sort_key
 from catalogs.readers.settings import LIMITS
 from catalogs.readers.vectors.centrelines import is_building_passage
 from catalogs.readers.vectors.lengths import parse_length
-from facade_core.core.types import GroundArea, GroundWay, MappedGround
+from facade_core.core.types import GroundArea, GroundObject, GroundWay, MappedGround
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -95,7 +96,7 @@ MAX_CROSSING_OFFSET_M = 1.0
 def build_block_ground(
     sources: Sequence[CentrelinesAndGround], crs: CRS, around: Polygon, outline: Polygon | None
 ) -> MappedGround:
-    """Build a block's ways and areas of the ground within a polygon from map features.
+    """Build a block's ways, areas and objects of the ground within a polygon from map features.
 
     Tunnels and the undersides of bridges are left out, and so are broken features: a broken street is already a
     fault. If two sources have a feature of the same id, the second is numbered.
@@ -110,6 +111,7 @@ def build_block_ground(
     ways: list[GroundWay] = []
     street: dict[str, str] = {}
     areas: list[GroundArea] = []
+    objects: list[GroundObject] = []
     nodes: list[tuple[str, shapely.Point]] = []
     placed = []
     for source in sources:
@@ -123,7 +125,9 @@ def build_block_ground(
         tags = feature.tags
         if geometry is None or _is_hidden(tags) or not _is_usable(geometry):
             continue
-        if geometry.geom_type == "Point":
+        if found := build_ground_objects(id, geometry, tags, around):
+            objects += found
+        elif geometry.geom_type == "Point":
             if tags.get("highway") == "crossing" and _is_marked(tags) and around.contains(geometry):
                 nodes.append((id, geometry))
         elif (surface := ground_surface_class(geometry, tags)) is not None:
@@ -135,7 +139,7 @@ def build_block_ground(
     ways = _equalise_widths(ways, street)
     roads = [way for way in ways if way.kind == "road"]
     ways += [crossing for id, node in nodes if (crossing := _node_crossing(id, node, roads)) is not None]
-    return MappedGround(tuple(ways), tuple(areas), outline)
+    return MappedGround(tuple(ways), tuple(areas), outline, tuple(objects))
 
 
 def _is_usable(geometry: BaseGeometry) -> bool:

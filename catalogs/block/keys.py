@@ -524,6 +524,14 @@ class BlockFileSettings(Section):
         _float_range(2, 8),
         Key("Height of a storey where only storeys are known.", unit="m", effect=Effect.PLAN),
     ] = 3.2
+    props: Annotated[
+        Literal["off", "stated"],
+        Key(
+            "What stands around: trees, hedges, fences, lamps, benches and other objects that the map states, and, where "
+            "`area` is given, plain buildings and ground to 150 m from it (`stated`), or nothing (`off`).",
+            effect=Effect.PLAN,
+        ),
+    ] = "stated"
     geoid_separation: Annotated[
         Annotated[float, _float_range(-120, 120)] | Literal["auto"] | None,
         Key(

@@ -74,6 +74,7 @@ class Block(WithSettings):
     corrections : corrections of people, from the file next to the block file.
     part : the block's own part of a city, None if it is not a part.
     models : model files that replace shipped ones.
+    neighbours : buildings around the area, which views show in plain colours; none of a part of a city.
     """
 
     crs: CRS
@@ -98,6 +99,7 @@ class Block(WithSettings):
     part: CityPart | None = None
     models: TrainedModelFiles = SHIPPED_MODELS
     style: tuple[Path, ...] = ()
+    neighbours: tuple[Building, ...] = ()
 
     @property
     def name(self) -> str:
@@ -182,6 +184,7 @@ def build_block(keys: BlockFileSettings, file: BlockFileErrorContext) -> Block:
         shops=geometry.shops,
         entrances=geometry.entrances,
         ground=geometry.ground,
+        neighbours=geometry.neighbours,
         terrain=terrain,
         exemplars=pictures.exemplars,
         style=pictures.style,

@@ -28,6 +28,7 @@ from facade_core.core.types import (
     BuildingShell,
     ElevationRaster,
     GroundArea,
+    GroundObject,
     GroundWay,
     Lens,
     MappedGround,
@@ -40,8 +41,8 @@ from facade_core.core.types import (
 VALUE_TYPES: Mapping[str, type] = {
     cls.__name__: cls
     for cls in (
-        Building, BuildingFinish, BuildingPassage, BuildingShell, CityPart, ElevationRaster, Fault, GroundArea, GroundWay, Lens,
-        MappedGround, Orthophoto, Pose, PosedPanorama, Roof, Street,
+        Building, BuildingFinish, BuildingPassage, BuildingShell, CityPart, ElevationRaster, Fault, GroundArea, GroundObject,
+        GroundWay, Lens, MappedGround, Orthophoto, Pose, PosedPanorama, Roof, Street,
     )
 }  # fmt: skip
 

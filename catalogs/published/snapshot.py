@@ -60,6 +60,11 @@ class SnapshotFolder(Generic[F]):
         return self._file("overview.glb")
 
     @property
+    def surroundings(self) -> F:
+        """Return the path of the model of street objects, which a block without any lacks."""
+        return self._file("surroundings.glb")
+
+    @property
     def tiles(self) -> F:
         """Return the path of the list of tiles."""
         return cast(F, self._file("tiles") / "index.json")

@@ -18,6 +18,13 @@ _MEDIA_TYPES = {".webp": "image/webp", ".jpg": "image/jpeg", ".png": "image/png"
 _BLOCK_FILES = (
     ("items.parquet", "items", "one row per facade and per unit set aside", "application/vnd.apache.parquet", ["data"]),
     ("block.glb", "model", "textured model of the block", "model/gltf-binary", ["data", "visual"]),
+    (
+        "surroundings.glb",
+        "surroundings",
+        "what stands around: trees, lamps, other objects and neighbours",
+        "model/gltf-binary",
+        ["visual"],
+    ),
     ("overview.glb", "overview", "small model of the block", "model/gltf-binary", ["overview", "visual"]),
     ("tiles/index.json", "tiles", "list of the block's tiles", "application/json", ["data"]),
     ("report/index.html", "report", "report", "text/html", ["overview"]),

@@ -55,11 +55,13 @@ class Table:
     name : name of the group.
     columns : columns of the table.
     attributes : names of the group's attributes besides `crs`.
+    is_optional : the group may be missing, for a table without rows.
     """
 
     name: str
     columns: tuple[Column, ...]
     attributes: tuple[str, ...] = ()
+    is_optional: bool = False
 
     def to_dataset(self, values: Mapping[str, object], attributes: Mapping[str, object], crs: str) -> xr.Dataset:
         """Convert column values to the Dataset that is written.
@@ -84,6 +86,14 @@ class Table:
             if column.name in values
         }
         return xr.Dataset(variables, attrs={**attributes, "crs": crs})
+
+    def empty_columns(self) -> TableValues:
+        """Return the columns of no rows, of a table without attributes."""
+        sizes = dict.fromkeys(("xyz", "along_deep_high", "rgb", "corner"), 3)
+        return {
+            column.name: () if column.dtype == TEXT else np.zeros([sizes.get(d, 0) for d in column.dims], column.dtype)
+            for column in self.columns
+        }
 
     def read_columns(self, dataset: xr.Dataset) -> TableValues:
         """Return the columns' values (rows, ...) and the table's attributes by name.
@@ -301,6 +311,30 @@ TABLES = {
                 _column("surface", "area", TEXT, "what it is made of"),
             ),
             ("block",),
+        ),
+        Table(
+            "objects",
+            (
+                _column("id", "object", TEXT, "name in the source, with a number along a line"),
+                _column("kind", "object", TEXT, "kind, such as tree or bench"),
+                _column("variant", "object", "int32", "variant of the model of the kind"),
+                _column("position", "object xyz", "float64", "middle of the foot", "m", is_position=True),
+                _column("heading", "object", "float64", "of the front, clockwise from grid north", "degree"),
+                _column("size", "object along_deep_high", "float64", "along the front, deep and high", "m"),
+            ),
+            is_optional=True,
+        ),
+        Table(
+            "surroundings",
+            (
+                _column("vertices", "vertex xyz", "float64", "corners around the block", "m", is_position=True),
+                _column("normal", "vertex xyz", "float64", "outward unit vector", "1"),
+                _column("material", "vertex", "uint8", "surface of the ground, 7 wall, 8 roof"),
+                _column("tint", "vertex rgb", "uint8", "stated colour, zeros where none is"),
+                _column("seed", "vertex", "int64", "number of the building"),
+                _column("triangles", "triangle corner", "int32", "rows of vertices, counter-clockwise from outside"),
+            ),
+            is_optional=True,
         ),
         Table(
             "buildings",

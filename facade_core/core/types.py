@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from shapely import LineString, MultiPolygon, Polygon
+    from shapely.geometry.base import BaseGeometry
 
 
 # Metres from the ceiling of a passage up to the eaves, and from the ground to the ceiling of the lowest passage.
@@ -463,6 +464,27 @@ SURFACES = ("gravel", "asphalt", "slabs", "setts", "grass", "water", "track")
 
 
 @dataclass(frozen=True, slots=True)
+class GroundObject:
+    """Object on the ground that a map states, in the block's metric frame.
+
+    Attributes
+    ----------
+    id : unique id.
+    geometry : point, line or outline.
+    kind : name in `facade_core.core.street_objects.OBJECT_KINDS`.
+    height, width : metres, 0 where not stated; the width is that of a crown or hedge.
+    direction : degrees clockwise from north that its front faces; None where not stated.
+    """
+
+    id: str
+    geometry: BaseGeometry
+    kind: str
+    height: float = 0.0
+    width: float = 0.0
+    direction: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class GroundArea:
     """Area of ground with one surface of SURFACES, in the block's metric frame."""
 
@@ -478,3 +500,4 @@ class MappedGround:
     ways: tuple[GroundWay, ...] = ()
     areas: tuple[GroundArea, ...] = ()
     outline: Polygon | None = None
+    objects: tuple[GroundObject, ...] = ()

@@ -16,6 +16,7 @@ from facade_core.geometry.block_surfaces import build_block_surfaces
 from facade_core.geometry.buildings.passages import footprint_without_headroom
 from facade_core.geometry.chart_packing import PreviousChartPlacements, pack_charts
 from facade_core.geometry.ground.carriageways import fit_ground_between_buildings
+from facade_core.geometry.ground.objects import place_objects
 from facade_core.geometry.ground.street_gaps import derive_streets
 from facade_core.geometry.ground.terrain import Terrain, build_terrain
 from facade_core.geometry.scene import Scene
@@ -40,6 +41,7 @@ from facade_core.plan.identity import (
 from facade_core.plan.plan import FacadeSightings, Plan
 from facade_core.plan.posed_pictures import replace_panoramas
 from facade_core.plan.settings import HEADROOM
+from facade_core.plan.surroundings import build_surroundings
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,7 @@ class BlockInputs:
     floor_height : metres, where the levels of a building are not tagged.
     ground : mapped ground; None assumes carriageways along the streets.
     elevation : ground heights; None follows the bases of the buildings.
+    neighbours : buildings around the block, which views show.
     poses, panorama_sizes : poses and (rows, columns) of the panoramas.
     """
 
@@ -63,6 +66,7 @@ class BlockInputs:
     elevation: ElevationRaster | None = None
     poses: Sequence[Pose] = ()
     panorama_sizes: Sequence[tuple[int, int]] = ()
+    neighbours: Sequence[Building] = ()
 
 
 @dataclass(frozen=True)
@@ -213,6 +217,7 @@ def complete_plan(
     views = np.array(
         [(camera.id, chart) for camera, row in zip(cameras, seen, strict=True) for chart in row], np.int32
     ).reshape(-1, 2)
+    footprints = [building.footprint for building in buildings]
     textured = np.zeros(len(charts), bool)
     textured[mesh.chart[mesh.texture >= 0]] = True
     textured &= owned
@@ -236,6 +241,8 @@ def complete_plan(
         view_digests=tuple(looks.digests[row] for row in rows),
         in_core=owned,
         street_density=scene.placement.texels_per_metre,
+        objects=place_objects(ground, footprints, charts, mesh, owned),
+        surroundings=build_surroundings(inputs.neighbours, ground, (charts, mesh), footprints, layout.terrain),
     )
     poses = fill_pose_heights(inputs.poses, layout.terrain, settings.viewpoint_height)
     return replace_panoramas(plan, poses, inputs.panorama_sizes, previous)

@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from hashlib import blake2b
 
 import numpy as np
 import shapely
 
 from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array, ObjectArray, UInt64Array
 from facade_core.core.grouping import RowsByValue
+from facade_core.core.street_objects import NO_OBJECTS, PlacedObjects
+from facade_core.core.surrounding_mesh import NO_SURROUNDINGS, SurroundingMesh
 from facade_core.core.types import MappedGround, Pose, Street
 from facade_core.geometry.charts import CORNER_SHARES, ChartKind
 from facade_core.geometry.ground.shapes import GroundTiles
@@ -76,6 +79,8 @@ class Plan:
     view_digests : (viewpoints,) digests of everything that a viewpoint sees.
     in_core : (charts,) True in the core region, which is textured and published; the halo is only seen.
     street_density : (charts,) texels per metre by the streets, before pictures raise that of facades.
+    objects : trees, lamps and other objects on the ground.
+    surroundings : buildings and ground around the block.
     """
 
     scene: Scene
@@ -93,11 +98,22 @@ class Plan:
     view_digests: tuple[str, ...]
     in_core: BoolArray
     street_density: Float64Array
+    objects: PlacedObjects = NO_OBJECTS
+    surroundings: SurroundingMesh = NO_SURROUNDINGS
 
     @cached_property
     def scene_objects(self) -> SceneObjects:
         """Return the objects of the block."""
         return build_scene_objects(self.scene.charts, self.scene.mesh, self.scene.names)
+
+    @cached_property
+    def surroundings_digest(self) -> str:
+        """Return the digest of what stands and lies around the block."""
+        placed, around = self.objects, self.surroundings
+        digest = blake2b("\n".join(placed.id).encode(), digest_size=16)
+        for values in (*list(vars(placed).values())[1:], *vars(around).values()):
+            digest.update(values.tobytes())
+        return digest.hexdigest()
 
     def ground_digests(self, charts: Sequence[int]) -> list[str]:
         """Return the digests of the ground on the ground charts among some charts."""

@@ -15,6 +15,8 @@ from facade_core.atlas.table_schema import TABLES, TableValues
 from facade_core.core.arrays import Float64Array
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.lens_projection import LENS_VALUES, lens_from_values, lens_values
+from facade_core.core.street_objects import OBJECT_KIND_NAMES, PlacedObjects
+from facade_core.core.surrounding_mesh import SurroundingMesh
 from facade_core.core.types import Building, BuildingFinish, GroundArea, GroundWay, MappedGround, Pose, Street
 from facade_core.geometry.chart_packing import ChartPlacements
 from facade_core.geometry.charts import Charts, Mesh
@@ -23,7 +25,7 @@ from facade_core.geometry.streets import Viewpoint
 from facade_core.plan.facades import Facades
 from facade_core.plan.plan import FacadeSightings, Plan
 
-T = TypeVar("T", Charts, Facades, ChartPlacements, FacadeSightings)
+T = TypeVar("T", Charts, Facades, ChartPlacements, FacadeSightings, PlacedObjects, SurroundingMesh)
 
 
 def write_plan(session: icechunk.Session, plan: Plan, buildings: Sequence[Building], crs: str) -> None:
@@ -54,7 +56,10 @@ def read_facades(session: icechunk.Session) -> Facades:
 
 def read_table(session: icechunk.Session, name: str) -> TableValues:
     """Read the columns (rows, ...) and attributes of one of TABLES; strings as str."""
-    return TABLES[name].read_columns(open_table(session, name).load())
+    table = TABLES[name]
+    if table.is_optional and name not in open_root(session):
+        return table.empty_columns()
+    return table.read_columns(open_table(session, name).load())
 
 
 def placement_from_table(charts: TableValues) -> ChartPlacements:
@@ -71,7 +76,9 @@ def _from_columns(kind: type[T], values: TableValues) -> T:
     return kind(**{field.name: values[field.name] for field in fields(kind)})
 
 
-def _columns(value: Charts | Facades | ChartPlacements | FacadeSightings) -> dict[str, object]:
+def _columns(
+    value: Charts | Facades | ChartPlacements | FacadeSightings | PlacedObjects | SurroundingMesh,
+) -> dict[str, object]:
     return {field.name: getattr(value, field.name) for field in fields(value)}
 
 
@@ -109,6 +116,8 @@ def _plan_values(plan: Plan, buildings: Sequence[Building]) -> dict[str, dict[st
             "point_street": np.repeat(np.arange(len(streets)), [len(_street_points(s)) for s in streets]),
         },
         **_ground_tables(plan),
+        "objects": _columns(plan.objects) | {"kind": [OBJECT_KIND_NAMES[kind] for kind in plan.objects.kind]},
+        "surroundings": _columns(plan.surroundings),
         "buildings": _building_table(buildings, dict(plan.rejected_buildings)),
     }
 
@@ -244,7 +253,14 @@ def _plan_from_tables(tables: Mapping[str, TableValues], texels_per_metre: float
         view_digests=cameras["look"],
         in_core=charts["own"],
         street_density=charts.get("street_texels_per_metre", placement.texels_per_metre),
+        objects=_objects_from_table(tables["objects"]),
+        surroundings=_from_columns(SurroundingMesh, tables["surroundings"]),
     )
+
+
+def _objects_from_table(values: TableValues) -> PlacedObjects:
+    kinds = np.array([OBJECT_KIND_NAMES.index(kind) for kind in values["kind"]], np.int32)
+    return _from_columns(PlacedObjects, {**values, "kind": kinds})
 
 
 def _street_density_column(plan: Plan) -> dict[str, Float64Array]:

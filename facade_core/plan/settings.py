@@ -217,3 +217,24 @@ class PosedPictureSettings:
 
 
 POSED_PICTURES = PosedPictureSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class SurroundingSettings:
+    """Ground around a block.
+
+    Attributes
+    ----------
+    distance_m : metres from the block's ground to which the ground goes on.
+    ground_grid_m : step of the grid that the ground is cut on.
+    tolerance_m : simplification of the outlines of its surfaces.
+    seam_m : gap within the block's ground that is closed.
+    """
+
+    distance_m: float = 150.0
+    ground_grid_m: float = 64.0
+    tolerance_m: float = 0.3
+    seam_m: float = 0.05
+
+
+SURROUNDINGS = SurroundingSettings()

@@ -16,6 +16,7 @@ from tasks.viewing.start_view import choose_start_view
 # Metres of a texel that are assumed of the overview and of tiles: a client loads a tile where the overview is too coarse.
 OVERVIEW_TEXEL_M, TILE_TEXEL_M = 0.2, 0.06
 OVERVIEW = "overview.glb"
+SURROUNDINGS = "surroundings.glb"
 # Cell of the grid, and its part in the quadtree, as facade_core.export.tiles.quadtree names them.
 _TILE_PATH = re.compile(r"-?[0-9]{1,12}_-?[0-9]{1,12}(_[0-3]{1,60})?")
 
@@ -37,14 +38,19 @@ def block_tileset(out: Folder, snapshot_id: str) -> JsonObject:
     StoreError
         The model has no tiles.
     """
-    listed = _read_tiles(_newest_snapshot(out, snapshot_id))
+    snapshot = _newest_snapshot(out, snapshot_id)
+    listed = _read_tiles(snapshot)
     lows, highs = zip(*(tile["box"] for tile in listed), strict=True)
     low, high = (
         [min(values) for values in zip(*lows, strict=True)],
         [max(values) for values in zip(*highs, strict=True)],
     )
     return {
-        "asset": {"version": "1.1"},
+        # drawn from any distance, and met by no walker: no tile
+        "asset": {
+            "version": "1.1",
+            "extras": {"surroundings": SURROUNDINGS if snapshot.surroundings.is_file() else ""},
+        },
         "geometricError": 2 * OVERVIEW_TEXEL_M,
         "root": {
             "boundingVolume": {"box": _bounding_box(low, high)},
@@ -83,9 +89,10 @@ def find_model_file(out: Folder, snapshot_id: str, name: str) -> Folder:
     """
     snapshot = _newest_snapshot(out, snapshot_id)
     tile = name.removesuffix(".glb")
-    if name != OVERVIEW and tile not in {listed["path"] for listed in _read_tiles(snapshot)}:
+    models = {OVERVIEW: snapshot.overview, SURROUNDINGS: snapshot.surroundings}
+    if name not in models and tile not in {listed["path"] for listed in _read_tiles(snapshot)}:
         raise InputError(f"the model has no tile {tile!r}")
-    path = snapshot.overview if name == OVERVIEW else snapshot.tile(tile)
+    path = models.get(name) or snapshot.tile(tile)
     if not path.is_file():
         raise InputError(f"{path.name} is missing; {snapshot.remedy}")
     return path

@@ -96,7 +96,9 @@ class StaticPageWriter:
         return True
 
     def _write_model(self, tiles: str) -> None:
-        for uri in _content_uris(json.loads(self._keep(f"{tiles}/tileset.json"))["root"]):
+        tileset = json.loads(self._keep(f"{tiles}/tileset.json"))
+        around = tileset.get("asset", {}).get("extras", {}).get("surroundings")
+        for uri in [*_content_uris(tileset["root"]), *([around] if around else [])]:
             self._keep(f"{tiles}/{uri}")
 
     def _write_facades(self, base: str) -> None:

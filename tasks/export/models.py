@@ -129,6 +129,7 @@ def write_glb_models(
         mesh_y_up_frame,
         pack_charts_on_pages,
     )
+    from facade_core.export.surroundings.gltf import SurroundingModel
 
     source, notes = mesh_with_requested_lighting(results, lit, night, relief, lit_by_default=True)
     source = add_requested_relief(results, source, buildings, relief)
@@ -137,6 +138,8 @@ def write_glb_models(
     (folder / "buildings").mkdir()
     begin_stage("export", len(buildings) + 1)
 
+    around = SurroundingModel(results.plan.objects, results.plan.surroundings, frame, is_unlit=source.maps is None)
+
     def write(path: Path, selection: IntArray) -> None:
         drawn = pack_charts_on_pages(source, source.select_charts(selection))
         nodes, _ = build_nodes([drawn], results.names, frame)
@@ -144,7 +147,8 @@ def write_glb_models(
         textures_by_page = [encode_textures(draw_page_images(drawn, page), ENCODERS["jpeg"]) for page in pages]
         time: TimeOfDay = "night or day" if night else "day or night"
         named = results.attribution.line
-        path.write_bytes(encode_glb(nodes, textures_by_page, extras=extras, copyright=named, time=time))
+        append = around.append if -1 in selection else None
+        path.write_bytes(encode_glb(nodes, textures_by_page, extras=extras, copyright=named, time=time, append=append))
         report_progress("export", 1)
 
     for building in buildings.tolist():
@@ -193,6 +197,7 @@ def write_3dtiles(
     from facade_core.export.models.encoders import MIPMAP_FACTOR, texture_encoder
     from facade_core.export.models.gltf_materials import material_texel_ratio
     from facade_core.export.models.textured_mesh import filter_triangles, mesh_y_up_frame
+    from facade_core.export.surroundings.gltf import SurroundingModel, write_surroundings_tile
     from facade_core.export.tiles.cells import build_quadtree
     from facade_core.export.tiles.far_shells import build_shells
     from facade_core.export.tiles.settings import TILE_CELLS
@@ -244,6 +249,11 @@ def write_3dtiles(
         extras=extras,
         attribution=results.attribution,
     )
+    if len(append_ground_index(results, buildings)) > len(buildings):
+        around = SurroundingModel(
+            results.plan.objects, results.plan.surroundings, frame, source.maps is None, is_instanced=True
+        )
+        write_surroundings_tile(tiled.tilesets["tileset.json"]["root"], around, results.attribution.line, write)
     for name, value in tiled.tilesets.items():
         (folder / name).write_text(json.dumps(value, indent=1, allow_nan=False) + "\n")
     texel_factor = material_texel_ratio(source.maps is not None, time)

@@ -64,6 +64,7 @@ def write_usd(
         write_usd_building,
         write_usd_package,
     )
+    from facade_core.export.surroundings.usd import write_usd_surroundings
 
     import_usd_library()
     source, notes = mesh_with_requested_lighting(results, lit, night, relief, lit_by_default=True)
@@ -93,6 +94,10 @@ def write_usd(
         about = rows.get(node.name, {"kind": GROUND_NODE}) | {"attribution": results.attribution.line}
         write_usd_building(folder / parts[node.name], node, pages, about, time)
         report_progress("export", 1)
+    plan = results.plan
+    if (len(plan.objects) or len(plan.surroundings)) and GROUND_NODE in parts:
+        parts["surroundings"] = "./surroundings.usdc"
+        write_usd_surroundings(folder / "surroundings.usdc", plan.objects, plan.surroundings, frame)
     stem = safe_file_stem(results.block)
     metadata: dict[str, str] = {
         "block": results.block,

@@ -114,6 +114,7 @@ def block_facts(
             "facades_failed": rows.unfinished_facade_count,
             "streets": len(plan.streets),
             "viewpoints": len(plan.viewpoints),
+            **{f"objects_{kind}": count for kind, count in plan.objects.counts().items()},
             "windows": sum(row["windows"] or 0 for row in rows.facades),
         },
         settings={

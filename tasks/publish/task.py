@@ -46,7 +46,13 @@ from tasks.publish.partial_failures import PartialFailures
 from tasks.publish.prune import READER_GRACE
 from tasks.publish.report import write_block_report
 from tasks.publish.stored_block import read_stored_block
-from tasks.publish.tiles import WrittenTile, write_block_model, write_overview_model, write_tiles
+from tasks.publish.tiles import (
+    WrittenTile,
+    write_block_model,
+    write_overview_model,
+    write_surroundings_model,
+    write_tiles,
+)
 
 log = logging.getLogger(__name__)
 
@@ -172,6 +178,8 @@ def _write_snapshot(
     with failures.attempt("block.glb"):
         if not write_block_model(snapshot, block, tiles, files, attribution):
             log.info("block.glb would be too large: the block is in tiles/ and overview.glb")
+    with failures.attempt("surroundings.glb"):
+        write_surroundings_model(snapshot, block, files, attribution)
     with failures.attempt("overview.glb"):
         write_overview_model(snapshot, block, tiles, files, failures, attribution)
     report_progress("publish", 1)

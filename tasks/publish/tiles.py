@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from dataclasses import replace as replaced
@@ -16,13 +17,14 @@ import numpy as np
 from catalogs.published.reuse import SnapshotFileWriter
 from catalogs.published.snapshot import SnapshotFolder
 from facade_core.atlas.journal import unit_key
-from facade_core.atlas.stored_files import read_stored_file, read_verified_array, tile_paths
+from facade_core.atlas.stored_files import digest_stored_file, read_stored_file, read_verified_array, tile_paths
 from facade_core.core.arrays import UInt8Array
 from facade_core.export.attribution import Attribution
 from facade_core.export.models.glb import replace_copyright
 from facade_core.export.models.glb_merge import merge_glbs, read_glb_file_header
 from facade_core.export.models.pages import downscale
 from facade_core.export.models.textured_mesh import build_textured_mesh, mesh_y_up_frame
+from facade_core.export.surroundings.gltf import SurroundingModel, encode_surroundings_glb
 from facade_core.export.tiles.block_tiles import BlockTile, plan_block_tiles
 from facade_core.export.tiles.overview import encode_overview, overview_scale, select_overview_charts
 from facade_core.export.tiles.tile_model import coarse_rasters, coarse_size
@@ -121,6 +123,20 @@ def _tile_index(block: StoredBlock, written: Sequence[WrittenTile], attribution:
     }
 
 
+def write_surroundings_model(
+    snapshot: SnapshotFolder[Path], block: StoredBlock, files: SnapshotFileWriter, attribution: Attribution
+) -> None:
+    """Write surroundings.glb: objects of the street, buildings and ground around the block; none where nothing is."""
+    if data := _encode_surroundings(block, attribution, is_instanced=True):
+        files.add_file(snapshot.surroundings.name, digest_stored_file(data), lambda: data)
+
+
+def _encode_surroundings(block: StoredBlock, attribution: Attribution, *, is_instanced: bool) -> bytes:
+    frame, plan = mesh_y_up_frame(block.plan.scene.mesh), block.plan
+    model = SurroundingModel(plan.objects, plan.surroundings, frame, is_instanced=is_instanced)
+    return b"" if model.is_empty else encode_surroundings_glb(model, _model_extras(block), attribution.line)
+
+
 def write_block_model(
     snapshot: SnapshotFolder[Path],
     block: StoredBlock,
@@ -128,7 +144,7 @@ def write_block_model(
     files: SnapshotFileWriter,
     attribution: Attribution,
 ) -> bool:
-    """Write block.glb, the merged tiles; returns whether it fits MAX_MODEL_BYTES.
+    """Write block.glb, the merged tiles and the surroundings; returns whether it fits MAX_MODEL_BYTES.
 
     Parameters
     ----------
@@ -141,13 +157,22 @@ def write_block_model(
     if sum(entry.record["bytes"] for entry in tiles) > MAX_MODEL_BYTES:
         return False
     extras = _model_extras(block)
+    around = _encode_surroundings(block, attribution, is_instanced=False)
     source_key = unit_key(
-        stage_code_digest("publish"), extras, attribution.line, [entry.record["digest"] for entry in tiles]
+        stage_code_digest("publish"),
+        extras,
+        attribution.line,
+        [entry.record["digest"] for entry in tiles],
+        digest_stored_file(around),
     )
 
     def write(file: Path) -> None:
-        parts = [read_glb_file_header(entry.file) for entry in tiles]
-        merge_glbs(file, parts, extras["origin"], extras={"crs": extras["crs"]}, copyright=attribution.line)
+        with tempfile.TemporaryDirectory() as folder:
+            parts = [read_glb_file_header(entry.file) for entry in tiles]
+            if around:
+                (nodes := Path(folder) / "surroundings.glb").write_bytes(around)
+                parts.append(read_glb_file_header(nodes))
+            merge_glbs(file, parts, extras["origin"], extras={"crs": extras["crs"]}, copyright=attribution.line)
 
     files.add_file_with_writer(snapshot.model.name, source_key, write)
     return True

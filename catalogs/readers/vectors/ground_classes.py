@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 
+from facade_core.core.street_objects import object_tag_values
+
 # OpenStreetMap tag -> words of other sources: values of class columns or names of layers, in lower case and singular, with
 # underscores for punctuation.
 _AREA_WORDS = {
@@ -60,6 +62,20 @@ _SURFACE_WORDS = {
     "grass": "gras rasen herbe turf",
 }
 SURFACES_BY_WORD = {word: value for value, words in _SURFACE_WORDS.items() for word in words.split()}
+# OpenStreetMap tag of an object -> words of other sources; the value of a tag is a word for itself.
+_OBJECT_WORDS = {
+    "natural=tree": "baum boom arbre arbol albero street_tree",
+    "natural=tree_row": "baumreihe bomenrij",
+    "highway=street_lamp": "street_light streetlight lamp_post lamppost lantaarnpaal lichtmast laterne lampadaire",
+    "amenity=bench": "sitzbank zitbank banc",
+    "amenity=waste_basket": "litter_bin afvalbak muelleimer corbeille",
+    "barrier=bollard": "paal poller borne",
+    "barrier=hedge": "haag hecke haie",
+    "barrier=fence": "hek zaun cloture",
+}
+TAGS_BY_OBJECT_WORD = {value: f"{key}={value}" for key, values in object_tag_values().items() for value in values} | {
+    word: tag for tag, words in _OBJECT_WORDS.items() for word in words.split()
+}
 _TRAM_WORDS = frozenset(("tram", "tramway", "light_rail", "strassenbahn", "streetcar", "trambaan"))
 # Words for yes and no, and the OpenStreetMap value of an unspecified yes.
 _YES_WORDS = frozenset(("yes", "true", "t", "1", "ja", "oui", "y", "j", "si", "sí", "sim", "tak", "kyllä", "ano"))
@@ -94,11 +110,11 @@ def osm_ground_tags(tags: Mapping[str, str], layer: str = "", *, is_area: bool =
     """
     found = {key: value for key, value in tags.items() if key != "class"}
     words = [normalize_word(one) for one in (*tags.get("class", "").split("\n"), layer)]
-    if is_area:
-        if meant := _look_up_words(words, TAGS_BY_AREA_WORD):
-            key, _, tag_value = meant.partition("=")
-            found[key] = tag_value
-    elif "railway" not in found:
+    meant = _look_up_words(words, TAGS_BY_AREA_WORD) if is_area else None
+    if meant := meant or _look_up_words(words, TAGS_BY_OBJECT_WORD):
+        key, _, tag_value = meant.partition("=")
+        found[key] = tag_value
+    elif not is_area and "railway" not in found:
         found |= _way_class(found, words)
     if "surface" in found:
         found["surface"] = SURFACES_BY_WORD.get(normalize_word(found["surface"]), found["surface"])

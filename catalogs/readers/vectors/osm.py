@@ -23,6 +23,7 @@ from catalogs.readers.vectors.colours import parse_building_finish
 from catalogs.readers.vectors.lengths import is_unknown_code, parse_floor_count, parse_length
 from catalogs.readers.vectors.osm_extracts import IncompleteFeatures, find_incomplete_features, open_osm_extract
 from catalogs.readers.vectors.roofs import is_known_roof_shape, parse_roof, parse_roof_height, parse_roof_shape
+from facade_core.core.street_objects import object_tag_values
 from facade_core.core.types import Roof
 
 if TYPE_CHECKING:
@@ -171,7 +172,7 @@ def _wall_height(height: float, roof: Roof | None, tags: Mapping[str, str]) -> t
 
 
 # Filter of ground features besides the network of ways: areas, tracks, crossings.
-_GROUND_FILTER = {
+_SURFACE_FILTER: dict[str, list[str]] = {
     "natural": ["water", "wood", "scrub", "grassland", "sand", "beach"],
     "leisure": ["park", "garden", "pitch", "playground", "dog_park"],
     "landuse": [
@@ -182,10 +183,14 @@ _GROUND_FILTER = {
     "man_made": ["bridge", "pier"],
     "place": ["square"],
     "amenity": ["parking"],
-    "area:highway": True,
     "railway": ["tram", "light_rail"],
     "highway": ["crossing", "pedestrian", "footway", "service"],
 }  # fmt: skip
+_OBJECT_FILTER = object_tag_values()
+# Filter of all ground features.
+_GROUND_FILTER: dict[str, list[str] | bool] = {
+    key: [*_SURFACE_FILTER.get(key, ()), *_OBJECT_FILTER.get(key, ())] for key in {**_SURFACE_FILTER, **_OBJECT_FILTER}
+} | {"area:highway": True}
 
 
 def read_osm_centrelines(path: Path) -> CentrelinesAndGround:

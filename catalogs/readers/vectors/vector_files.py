@@ -42,6 +42,7 @@ _GROUND_COLUMNS = frozenset(("highway", "railway", "waterway", "place", "man_mad
 _GROUND_TAGS = frozenset(
     (
         "highway", "railway", "natural", "leisure", "landuse", "waterway", "place", "amenity", "area:highway", "man_made",
+        "barrier",
     )
 )  # fmt: skip
 _OPEN_WALLS_REASON = (

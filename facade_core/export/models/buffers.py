@@ -10,6 +10,7 @@ from facade_core.core.arrays import NumericArray
 
 # glTF component types.
 BYTE = 5120
+UNSIGNED_BYTE = 5121
 UNSIGNED_SHORT = 5123
 UNSIGNED_INT = 5125
 FLOAT = 5126

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import json
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from typing import BinaryIO
@@ -19,6 +19,7 @@ from facade_core.export.models.buffers import (
     BYTE,
     ELEMENT_ARRAY_BUFFER,
     FLOAT,
+    UNSIGNED_BYTE,
     UNSIGNED_INT,
     UNSIGNED_SHORT,
     GlbBuffer,
@@ -26,7 +27,14 @@ from facade_core.export.models.buffers import (
 from facade_core.export.models.gltf_materials import GltfMaterials, MaterialTextures, TimeOfDay, build_gltf_materials
 
 # NumPy dtypes of component types.
-COMPONENT_DTYPES = {BYTE: "i1", 5121: "u1", 5122: "<i2", UNSIGNED_SHORT: "<u2", UNSIGNED_INT: "<u4", FLOAT: "<f4"}
+COMPONENT_DTYPES = {
+    BYTE: "i1",
+    UNSIGNED_BYTE: "u1",
+    5122: "<i2",
+    UNSIGNED_SHORT: "<u2",
+    UNSIGNED_INT: "<u4",
+    FLOAT: "<f4",
+}
 # glTF filters.
 LINEAR = 9729
 LINEAR_MIPMAP_LINEAR = 9987
@@ -91,6 +99,7 @@ def encode_glb(
     extras: Mapping[str, object] | None = None,
     copyright: str = "",
     time: TimeOfDay = "day",
+    append: Callable[[JsonObject, GlbBuffer], None] | None = None,
 ) -> bytes:
     """Encode nodes as GLB, one glTF node each, with JPEG images embedded unchanged.
 
@@ -104,6 +113,7 @@ def encode_glb(
     extras : extras of the scene.
     copyright : attribution in the asset.
     time : time of day shown by emissive materials.
+    append : adds further nodes to the document and its buffer.
     """
     pages = [one if isinstance(one, MaterialTextures) else MaterialTextures(one) for one in materials]
     gltf = build_gltf_materials(pages, time=time)
@@ -122,6 +132,9 @@ def encode_glb(
             "samplers": SAMPLERS,
             **buffer.document_parts,
         }
+    if append is not None:
+        append(document, buffer)
+        document |= buffer.document_parts
     return pack_glb(document, buffer.chunks)
 
 

@@ -121,18 +121,23 @@ def _append_document(
     views, pictures = first["bufferViews"], first["images"]
     document["accessors"] += [one | {"bufferView": one["bufferView"] + views} for one in part["accessors"]]
     document["bufferViews"] += [one | {"byteOffset": one["byteOffset"] + offset} for one in part["bufferViews"]]
-    document["images"] += [one | {"bufferView": one["bufferView"] + views} for one in part["images"]]
-    document["textures"] += [one | {"source": one["source"] + pictures} for one in part["textures"]]
+    document["images"] += [one | {"bufferView": one["bufferView"] + views} for one in part.get("images", ())]
+    document["textures"] += [one | {"source": one["source"] + pictures} for one in part.get("textures", ())]
     for number, one in enumerate(part["materials"], first["materials"]):
         surface = one["pbrMetallicRoughness"]
+        if "baseColorTexture" not in surface:
+            document["materials"].append(one)
+            continue
         shown = {"index": surface["baseColorTexture"]["index"] + first["textures"]}
         document["materials"].append(
             one | {"name": f"page-{number}", "pbrMetallicRoughness": surface | {"baseColorTexture": shown}}
         )
     document["meshes"] += [_renumber_mesh(one, first) for one in part["meshes"]]
     x, y, z = (mine - theirs for mine, theirs in zip(part["scenes"][0]["extras"]["origin"], origin, strict=True))
-    moved = [x, z, -y]  # as glTF has it, y up
-    document["nodes"] += [one | {"mesh": one["mesh"] + first["meshes"], "translation": moved} for one in part["nodes"]]
+    moved = (x, z, -y)  # as glTF has it, y up
+    for one in part["nodes"]:
+        place = [a + b for a, b in zip(one.get("translation", (0, 0, 0)), moved, strict=True)]
+        document["nodes"].append(one | {"mesh": one["mesh"] + first["meshes"], "translation": place})
 
 
 def _renumber_mesh(mesh: JsonObject, first: Mapping[str, int]) -> JsonObject:

@@ -102,7 +102,7 @@ def write_usd_building(
     import_usd_library()
     from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdShade, Vt
 
-    stage = _create_stage(path)
+    stage = create_stage(path)
     name = prim_identifier(node.name)
     prim = UsdGeom.Xform.Define(stage, f"/{name}").GetPrim()
     stage.SetDefaultPrim(prim)
@@ -149,7 +149,7 @@ def write_usd_block(
     import_usd_library()
     from pxr import Kind, Usd, UsdGeom
 
-    stage = _create_stage(path)
+    stage = create_stage(path)
     block = UsdGeom.Xform.Define(stage, f"/{ROOT_PRIM}").GetPrim()
     stage.SetDefaultPrim(block)
     Usd.ModelAPI(block).SetKind(Kind.Tokens.group)
@@ -188,7 +188,7 @@ def write_usd_city(
     import_usd_library()
     from pxr import Gf, Kind, Sdf, Usd, UsdGeom
 
-    stage = _create_stage(path)
+    stage = create_stage(path)
     city = UsdGeom.Xform.Define(stage, f"/{CITY_PRIM}")
     stage.SetDefaultPrim(city.GetPrim())
     Usd.ModelAPI(city.GetPrim()).SetKind(Kind.Tokens.assembly)
@@ -224,7 +224,8 @@ def prim_identifier(name: str) -> str:
     return found if found[:1].isalpha() else f"_{found}"
 
 
-def _create_stage(path: Path) -> Stage:
+def create_stage(path: Path) -> Stage:
+    """Create a stage with z up, in metres."""
     from pxr import Usd, UsdGeom
 
     stage = Usd.Stage.CreateNew(str(path))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from io import BytesIO
 
@@ -16,6 +16,7 @@ from facade_core.core.types import Lattice
 from facade_core.export.pictures import filtering
 from facade_core.export.pictures.camera import PerspectiveCamera
 from facade_core.export.pictures.settings import DRAWINGS
+from facade_core.export.pictures.surroundings import SurroundingView
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.settings import SKY_LOOK
@@ -41,6 +42,7 @@ class PictureInProgress:
     pixel : (k,) flat indices of the block's pixels.
     chart : (k,) chart of each.
     depth : (k,) float32 distance of each, metres.
+    covered : (c,) flat indices of the pixels that show surroundings.
     """
 
     scene: Scene
@@ -49,6 +51,7 @@ class PictureInProgress:
     pixel: Int64Array
     chart: Int32Array
     depth: Float32Array
+    covered: Int64Array = field(default_factory=lambda: np.zeros(0, np.int64))
 
     @cached_property
     def visible_charts(self) -> Int32Array:
@@ -155,12 +158,21 @@ class SmoothPicture:
         return drawn
 
 
-def cast_smooth_view(scene: Scene, camera: PerspectiveCamera, *, samples: int) -> SmoothPicture:
-    """Cast the rays of a picture, `samples` along each side of the pixels where charts meet, and one of all others."""
+def cast_smooth_view(
+    scene: Scene, camera: PerspectiveCamera, *, samples: int, around: SurroundingView | None = None
+) -> SmoothPicture:
+    """Cast the rays of a picture, `samples` along each side of the pixels where charts meet, and one of all others.
+
+    Parameters
+    ----------
+    scene, camera, around : as of `cast_view`.
+    samples : rays along each side of a pixel where charts meet.
+    """
     height, width = camera.size
-    coarse = cast_view(scene, camera, samples=1)
+    coarse = cast_view(scene, camera, samples=1, around=around)
     chart = np.full(height * width, MISS, np.int32)
     chart[coarse.pixel] = coarse.chart
+    chart[coarse.covered] = MISS - 1
     edges = np.flatnonzero(_meets_another(chart.reshape(height, width)))
     dense = replace(camera, size=(height * samples, width * samples))
     within = np.arange(samples)
@@ -174,6 +186,10 @@ def cast_smooth_view(scene: Scene, camera: PerspectiveCamera, *, samples: int) -
         depth[some], found[some] = scene.caster.cast(camera.position, rays)
         missed = found[some] == MISS
         rgb.reshape(-1, 3)[pixel[some][missed]] = backdrop_colour(rays[missed])
+        if around is not None:
+            drawn = rgb.reshape(-1, 3)[pixel[some]]
+            around.cover(camera.position, rays, depth[some], found[some], drawn)
+            rgb.reshape(-1, 3)[pixel[some]] = drawn
     hit = found != MISS
     return SmoothPicture(coarse, PictureInProgress(scene, dense, rgb, pixel[hit], found[hit], depth[hit]), edges)
 
@@ -188,18 +204,22 @@ def _meets_another(chart: Int32Array) -> BoolArray:
     return meets
 
 
-def cast_view(scene: Scene, camera: PerspectiveCamera, *, samples: int = 2) -> PictureInProgress:
-    """Cast the rays of a picture and return it with only the sky drawn.
+def cast_view(
+    scene: Scene, camera: PerspectiveCamera, *, samples: int = 2, around: SurroundingView | None = None
+) -> PictureInProgress:
+    """Cast the rays of a picture and return it with only the sky and the surroundings drawn.
 
     Parameters
     ----------
     scene : scene of the block.
     camera : the camera.
     samples : rays per pixel and axis; average the picture after painting.
+    around : surroundings of the block; None without.
     """
     size = (camera.size[0] * samples, camera.size[1] * samples)
     dense = replace(camera, size=size)
     depth, chart, rgb = np.empty(size, np.float32), np.empty(size, np.int32), np.zeros((*size, 3), np.uint8)
+    covered = np.zeros(size, bool)
     band = max(1, MAX_BATCH_PIXELS // size[1])
     for top in range(0, size[0], band):
         rows = slice(top, top + band)
@@ -207,8 +227,11 @@ def cast_view(scene: Scene, camera: PerspectiveCamera, *, samples: int = 2) -> P
         depth[rows], chart[rows] = scene.caster.cast(camera.position, rays)
         missed = chart[rows] == MISS
         rgb[rows][missed] = backdrop_colour(rays[missed])
+        if around is not None:
+            covered[rows] = around.cover(camera.position, rays, depth[rows], chart[rows], rgb[rows])
     pixel = np.flatnonzero(chart.reshape(-1) != MISS)
-    return PictureInProgress(scene, dense, rgb, pixel, chart.reshape(-1)[pixel], depth.reshape(-1)[pixel])
+    found, away = chart.reshape(-1)[pixel], depth.reshape(-1)[pixel]
+    return PictureInProgress(scene, dense, rgb, pixel, found, away, np.flatnonzero(covered))
 
 
 def render_perspective(

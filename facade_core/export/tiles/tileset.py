@@ -187,7 +187,7 @@ class _TilesetWriter:
         uri = f"tiles/full{cell.path and '-'}{cell.path}.glb"
         corners = self.write_content(uri, [(pack_tile_pages(self.finest, charts, self.scale), self.rows)])
         return {
-            "boundingVolume": {"box": _bounding_box(corners)},
+            "boundingVolume": {"box": bounding_box(corners)},
             "geometricError": 0.0,
             "content": {"uri": f"../{uri}"},
         }
@@ -195,7 +195,7 @@ class _TilesetWriter:
     def leaf_tile(self, cell: QuadtreeCell, levels: Sequence[DetailLevel]) -> Tile:
         """Write the levels of detail of a leaf as a chain of replacements."""
         tile: Tile | None = None
-        box = _bounding_box(np.concatenate([level.corners for level in levels]))
+        box = bounding_box(np.concatenate([level.corners for level in levels]))
         for level in reversed(levels):
             uri = f"tiles/{level.name}{cell.path and '-'}{cell.path}.glb"
             self.write_model(uri, level.glb, level.draw_calls)
@@ -241,7 +241,7 @@ class _TilesetWriter:
         parts = [(pages, np.column_stack([self.shell_rows] * 2)) for pages in simple] + [
             (pages, self.rows) for pages in own
         ]
-        corners = [self.write_content(uri, parts), *map(_box_corners, children)]
+        corners = [self.write_content(uri, parts), *map(box_corners, children)]
         charts = cell_charts(self.source, cell)
         density = float((self.source.texels[charts] / self.source.extent[charts]).max())
         errors = [
@@ -251,7 +251,7 @@ class _TilesetWriter:
             *(child["geometricError"] for child in children),
         ]
         return {
-            "boundingVolume": {"box": _bounding_box(np.concatenate(corners))},
+            "boundingVolume": {"box": bounding_box(np.concatenate(corners))},
             "geometricError": max(errors),
             "refine": "REPLACE",
             "content": {"uri": f"../{uri}"},
@@ -421,7 +421,7 @@ def _move_up(tile: Tile) -> Tile:
     return moved
 
 
-def _bounding_box(points: Float64Array) -> list[float]:
+def bounding_box(points: Float64Array) -> list[float]:
     """Return centre and half axes around points (n, 3), z up, with a minimum thickness."""
     low, high = points.min(axis=0), points.max(axis=0)
     half = np.maximum((high - low) / 2, 0.01)
@@ -429,7 +429,7 @@ def _bounding_box(points: Float64Array) -> list[float]:
     return box
 
 
-def _box_corners(tile: Tile) -> Float64Array:
+def box_corners(tile: Tile) -> Float64Array:
     box = np.array(tile["boundingVolume"]["box"])
     half = box[[3, 7, 11]]
     return np.stack([box[:3] - half, box[:3] + half])

@@ -198,3 +198,24 @@ class TerrainSettings:
 
 
 TERRAIN = TerrainSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectSettings:
+    """Placement of objects on the ground.
+
+    Attributes
+    ----------
+    max_shift_m : metres by which an object is moved out of a wall or off a carriageway of assumed width; others are
+        left out.
+    min_crown_m, crown_gap_m : crowns are narrowed to this distance from walls, and trees of narrower ones left out.
+    size_factors : bounds of a stated size, as shares of the usual one.
+    """
+
+    max_shift_m: float = 2.5
+    min_crown_m: float = 1.6
+    crown_gap_m: float = 0.2
+    size_factors: tuple[float, float] = (0.25, 3.5)
+
+
+OBJECTS = ObjectSettings()

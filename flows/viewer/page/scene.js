@@ -89,6 +89,11 @@ export class Stage {
     return new kind({ map, ...(this.bySoftware ? {} : { flatShading: true }), ...behind });
   }
 
+  // The material of what stands around: the colours of their vertices.
+  surroundingMaterial() {
+    return new (this.bySoftware ? MeshBasicMaterial : MeshLambertMaterial)({ vertexColors: true });
+  }
+
   close() {
     this.renderer.dispose();
     this.renderer.forceContextLoss();

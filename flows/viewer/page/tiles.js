@@ -85,10 +85,29 @@ export class Tiles {
     tiles.setCamera(stage.camera);
     stage.scene.add(tiles.group);
     for (const change of ["needs-update", "load-model", "tile-visibility-change"]) tiles.addEventListener(change, () => { this.renewed = true; this.told(); });
-    tiles.addEventListener("load-root-tileset", () => { tiles.group.updateMatrixWorld(); tiles.getBoundingBox(block.box); block.box.applyMatrix4(tiles.group.matrixWorld); });
+    tiles.addEventListener("load-root-tileset", () => { tiles.group.updateMatrixWorld(); tiles.getBoundingBox(block.box); block.box.applyMatrix4(tiles.group.matrixWorld); this.surround(block, loader); });
     tiles.addEventListener("load-model", ({ scene }) => this.shaded && this.paint(scene, block));
     tiles.addEventListener("load-error", ({ error }) => { this.failed = error.message; setTimeout(() => { this.failed = ""; tiles.resetFailedTiles(); this.told(); }, AGAIN_MS); });
     Object.assign(block, { tiles, region });
+  }
+
+  // What stands around a block is drawn from any distance; walkers pass it, and clicks miss it.
+  async surround({ tiles, number, published }, loader) {
+    const name = tiles.rootTileset.asset.extras?.surroundings;
+    if (!name) return;
+    const { scene } = await loader.loadAsync(new URL(`${blockBase(number, this.city.single)}tiles/${published}/${name}`, location.href).href);
+    scene.rotation.x = Math.PI / 2;
+    scene.position.set(...scene.userData.origin);
+    scene.traverse((mesh) => {
+      if (!mesh.isMesh) return;
+      mesh.material.dispose();
+      mesh.geometry.computeVertexNormals();
+      Object.assign(mesh, { material: this.stage.surroundingMaterial(), castShadow: true, receiveShadow: true, raycast: () => {} });
+    });
+    tiles.group.add(scene);
+    scene.updateMatrixWorld(true); // the group updates only when it moves
+    this.renewed = true;
+    this.told();
   }
 
   // A model is around the place that it names; walkers and clicks find its triangles by a tree.

@@ -49,6 +49,7 @@ def _plan_inputs(block: Block) -> BlockInputs:
         block.storey,
         ground=block.ground,
         elevation=block.terrain,
+        neighbours=block.neighbours,
         poses=[panorama.pose for panorama in block.panoramas],
         panorama_sizes=_panorama_sizes(block),
     )

@@ -120,7 +120,7 @@ def view_inputs(
         objects = SceneView(run, (), tuple(sorted(f"{digest:016x}" for digest in things.tolist())))
         by_id = sight[np.argsort(plan.ids[sight])].tolist()
         shown = store_charts(run, plan, by_id, digests, drawn)
-        found.append(PictureInputs(camera, objects, shown, (), False, name))
+        found.append(PictureInputs(camera, objects, shown, (), False, plan.surroundings_digest, name))
     return found
 
 
@@ -133,7 +133,7 @@ def facade_picture_inputs(run: Run, record: Record | None, facade: int, file: st
     """
     made = (record["key"], record["status"], record.get("digests", {})) if record else ()
     nothing = StoredCharts(run, (), ())
-    return PictureInputs(None, nothing, nothing, made, staged, file, facade)
+    return PictureInputs(None, nothing, nothing, made, staged, "", file, facade)
 
 
 PICTURES = Stage(

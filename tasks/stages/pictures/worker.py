@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import lru_cache
 from io import BytesIO
 from itertools import chain
 from typing import NamedTuple, TypeVar, cast
@@ -29,12 +30,13 @@ from facade_core.export.pictures.camera import PerspectiveCamera
 from facade_core.export.pictures.rendering import cast_smooth_view, encode_image
 from facade_core.export.pictures.settings import BLOCK_VIEWS
 from facade_core.export.pictures.stage_pictures import TEXTURE_STAGE, StoredFacade, iterate_stage_pictures
+from facade_core.export.pictures.surroundings import SurroundingView
 from facade_core.export.pictures.views import paint_view
 from facade_core.export.tiles.block_tiles import plan_block_tiles
 from facade_core.export.tiles.tile_model import coarse_rasters
 from facade_core.plan.plan import Plan
 from tasks.engine.atlas import Atlas
-from tasks.engine.context import reading_store
+from tasks.engine.context import load_run_plan, reading_store
 from tasks.engine.inputs import GEOMETRY_CHANGED, INPUTS_PENDING, SETTINGS_CHANGED, input_field
 from tasks.engine.outcome import failure_record, is_machine_fault, is_store_fault
 from tasks.engine.processing import process_unit
@@ -65,6 +67,7 @@ class PictureInputs:
     charts : charts that a view shows, with their texels and the codes that made the pages and tiles of these.
     made : key, status and digests of a facade.
     is_staged : whether all stages of a facade are drawn, or its texture alone.
+    around : digest of the surroundings that a view shows.
     file : name of the file.
     facade : index of the facade.
     """
@@ -74,6 +77,7 @@ class PictureInputs:
     charts: StoredCharts = input_field(INPUTS_PENDING)
     made: tuple[object, ...] = input_field(INPUTS_PENDING)
     is_staged: bool = input_field(SETTINGS_CHANGED)
+    around: str = input_field(GEOMETRY_CHANGED)
     file: str = field(default="")
     facade: int = field(default=-1)
 
@@ -114,13 +118,20 @@ def compute_pictures(inputs: PictureInputs) -> ReportPictures:
 def _draw_view(inputs: PictureInputs, camera: PerspectiveCamera) -> ReportPictures:
     """Draw a view as JPEG from the pages that it shows, or from coarse rasters of tiles if these are too many."""
     plan, group = inputs.objects.plan, inputs.charts.store
-    picture = cast_smooth_view(plan.scene, camera, samples=BLOCK_VIEWS.samples_per_pixel_side)
+    around = _surrounding_view(inputs.objects.run)
+    picture = cast_smooth_view(plan.scene, camera, samples=BLOCK_VIEWS.samples_per_pixel_side, around=around)
     own = plan.in_core[picture.visible_charts]
     pages = np.unique(plan.scene.placement.page[picture.visible_charts[own]])
     parts = _read_page_rasters if len(pages) <= MAX_DECODED_PAGES else _read_coarse_rasters
     bare = {chart: CONTEXT_GREY for chart in picture.visible_charts[~own].tolist()}
     painted = paint_view(picture, chain([bare], parts(plan, group, picture.visible_charts[own])))
     return ReportPictures(encode_image(painted, "JPEG", quality=90))
+
+
+@lru_cache(maxsize=1)
+def _surrounding_view(run: Run) -> SurroundingView:
+    plan = load_run_plan(run)
+    return SurroundingView(plan.objects, plan.surroundings)
 
 
 def _draw_facade(inputs: PictureInputs) -> ReportPictures:

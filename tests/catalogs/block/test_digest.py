@@ -213,6 +213,7 @@ def test_every_value_of_a_block_counts(tmp_path: Path) -> None:
         "corrections": Corrections({"a-0": {"facade": Correction("a-0", "facade", False)}}),
         "models": TrainedModelFiles(layout=picture),
         "part": CityPart(("a",), (), (), ("street",), (-1,)),
+        "neighbours": block.buildings[:1],
     }
     assert changes.keys() | {"digest", "notes", "settings"} == {field.name for field in fields(Block)}
     digests = {block_digest(replace(block, **{name: value})) for name, value in changes.items()}
@@ -235,6 +236,7 @@ OTHER_SETTINGS: dict[str, Any] = {
     "texture.sun": {"azimuth": 200.0, "elevation": 30.0},
     "imagery.photos": {"path": "photos", "rectified": False},
     "imagery.privacy": "mask",
+    "props": "off",
     "storey": 3.5,
     "failed_limit": 0.5,
     "seed": 1,

@@ -1,0 +1,88 @@
+"""Objects of the street in block files: how many stand, whether any is in a wall, on a carriageway or off the ground; bytes.
+
+python -m benchmarks.street.objects BLOCK.yaml...
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+
+from catalogs.block.reader import read_block
+from facade_core.core.street_objects import PlacedObjects
+from facade_core.core.surrounding_mesh import NO_SURROUNDINGS
+from facade_core.export.models.textured_mesh import mesh_y_up_frame
+from facade_core.export.surroundings.gltf import SurroundingModel, encode_surroundings_glb
+from facade_core.geometry.charts import ChartKind
+from facade_core.geometry.ground.layers import join_carriageways
+from facade_core.geometry.ground.objects import place_objects, standing_areas
+from facade_core.plan.ingest import BlockInputs, SceneLayout, build_scene_layout
+
+
+def measure(path: Path) -> dict[str, Any]:
+    """Place the objects of a block and judge them by its footprints, carriageways and ground."""
+    block = read_block(path)
+    inputs = BlockInputs(block.buildings, block.streets, block.storey, block.ground, block.terrain)
+    layout = build_scene_layout(inputs, block.texture)
+    scene = layout.scene
+    footprints = [building.footprint for building in block.buildings]
+    start = time.perf_counter()
+    placed = place_objects(layout.ground, footprints, scene.charts, scene.mesh, layout.in_core)
+    seconds = time.perf_counter() - start
+    frame = mesh_y_up_frame(scene.mesh)
+    sizes = {
+        name: len(
+            encode_surroundings_glb(SurroundingModel(placed, NO_SURROUNDINGS, frame, is_instanced=is_instanced), {}, "")
+        )
+        for name, is_instanced in (("instanced", True), ("nodes", False))
+    }
+    outline = shapely.box(*shapely.total_bounds([area for area in footprints]))
+    stated = Counter(one.kind for one in block.ground.objects if one.geometry.intersects(outline))
+    return {
+        "stated_within": dict(sorted(stated.items())),
+        "placed": placed.counts(),
+        **_count_faults(placed, layout, footprints),
+        "glb_bytes": sizes,
+        "seconds": round(seconds, 2),
+    }
+
+
+def _count_faults(placed: PlacedObjects, layout: SceneLayout, footprints: list[shapely.Geometry]) -> dict[str, float]:
+    carriageway, _ = join_carriageways([way for way in layout.ground.ways if way.kind == "road"])
+    areas = np.array(standing_areas(placed), object)
+    mesh, charts = layout.scene.mesh, layout.scene.charts
+    corners = mesh.vertices[mesh.triangles[charts.kind[mesh.chart] == ChartKind.GROUND]]
+    ground = shapely.STRtree(shapely.polygons(corners[..., :2]))
+    feet = shapely.points(placed.position[:, :2])
+    crowned = shapely.buffer(feet, placed.size[:, 0] / 2)
+    overhead = np.isin(placed.kind, [0, 1])
+    return {
+        "in_a_wall": len(np.unique(shapely.STRtree(footprints).query(areas, predicate="intersects")[0])),
+        "crowns_in_a_wall": len(
+            np.unique(shapely.STRtree(footprints).query(crowned[overhead], predicate="intersects")[0])
+        ),
+        "on_a_carriageway": int(shapely.intersects(areas, carriageway).sum()),
+        "off_the_ground": int(len(placed) - len(np.unique(ground.query(feet, predicate="intersects")[0]))),
+        "worst_terrain_gap_m": round(
+            float(np.abs(layout.terrain.interpolate(placed.position[:, :2]) - placed.position[:, 2]).max(initial=0.0)),
+            3,
+        ),
+    }
+
+
+def main() -> None:
+    """Print the figures of each block file as JSON."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("blocks", nargs="+", type=Path)
+    print(json.dumps({path.stem: measure(path) for path in parser.parse_args().blocks}, indent=1))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,141 @@
+"""Declaration of the kinds of street objects: tags of a map, shape and size of each.
+
+Reading, placement, models, catalogue and the reference page follow from `OBJECT_KINDS`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from facade_core.core.arrays import Float64Array, Int32Array
+
+
+class Facing(StrEnum):
+    """What the front of an object faces where the map states no direction."""
+
+    ANYWHERE = "a direction by its id"
+    WAY = "the nearest way"
+    LINE = "along its line"
+
+
+@dataclass(frozen=True)
+class ObjectKind:
+    """Kind of object that stands on the ground.
+
+    Attributes
+    ----------
+    name : name in the catalogue, and of its model.
+    tags : OpenStreetMap tags (key, value), any of which states it.
+    also : tag (key, value) that it must have too; None without.
+    size : usual length along its front, depth and height of its model, metres.
+    facing : what its front faces.
+    spread : largest share by which an unstated size differs from the usual one.
+    spacing_m : distance along a mapped line; 0 where a line or an outline states one object in its middle.
+    is_joined : pieces along a line are stretched to meet each other.
+    foot_m : radius that keeps clear of walls and carriageways.
+    is_overhanging : the foot alone stands on the ground; the rest is overhead.
+    variants : number of models.
+    """
+
+    name: str
+    tags: tuple[tuple[str, str], ...]
+    size: tuple[float, float, float]
+    facing: Facing = Facing.WAY
+    also: tuple[str, str] | None = None
+    spread: float = 0.0
+    spacing_m: float = 0.0
+    is_joined: bool = False
+    foot_m: float = 0.3
+    variants: int = 1
+    is_overhanging: bool = False
+
+    def is_stated_by(self, tags: Mapping[str, str]) -> bool:
+        """Return whether tags state an object of this kind."""
+        is_tagged = any(tags.get(key) == value for key, value in self.tags)
+        return is_tagged and (self.also is None or tags.get(self.also[0]) == self.also[1])
+
+
+_TREES = (("natural", "tree"), ("natural", "tree_row"))
+
+# Kinds of objects; of several that tags state, the first counts.
+OBJECT_KINDS = (
+    ObjectKind("conifer", _TREES, (4.0, 4.0, 11.0), Facing.ANYWHERE, ("leaf_type", "needleleaved"), 0.2, 8.0,
+               variants=2, is_overhanging=True),
+    ObjectKind("tree", _TREES, (6.5, 6.5, 9.0), Facing.ANYWHERE, None, 0.25, 8.0, variants=4, is_overhanging=True),
+    ObjectKind("street_lamp", (("highway", "street_lamp"),), (0.5, 1.6, 6.0), is_overhanging=True),
+    ObjectKind("bench", (("amenity", "bench"),), (1.8, 0.65, 0.85), foot_m=0.5),
+    ObjectKind("bollard", (("barrier", "bollard"),), (0.22, 0.22, 0.95), spacing_m=1.5, foot_m=0.1),
+    ObjectKind("waste_basket", (("amenity", "waste_basket"),), (0.45, 0.45, 1.0)),
+    ObjectKind("bicycle_stand", (("amenity", "bicycle_parking"),), (3.0, 0.8, 0.85), foot_m=0.8),
+    ObjectKind("shelter", (("amenity", "shelter"),), (3.6, 1.7, 2.5), foot_m=1.0),
+    ObjectKind("parked_car", (("amenity", "parking_space"),), (1.8, 4.4, 1.5), foot_m=0.9, variants=3),
+    ObjectKind("fence", (("barrier", "fence"),), (2.0, 0.08, 1.3), Facing.LINE, None, 0.0, 2.0, True, 0.04),
+    ObjectKind("hedge", (("barrier", "hedge"),), (2.0, 0.8, 1.2), Facing.LINE, None, 0.0, 2.0, True, 0.2, 2),
+)  # fmt: skip
+OBJECT_KIND_NAMES = tuple(kind.name for kind in OBJECT_KINDS)
+_BY_NAME = {kind.name: kind for kind in OBJECT_KINDS}
+
+
+def object_kind(name: str) -> ObjectKind:
+    """Return the kind of a name."""
+    return _BY_NAME[name]
+
+
+def stated_object_kind(tags: Mapping[str, str]) -> ObjectKind | None:
+    """Return the kind that OpenStreetMap tags state; None for other features."""
+    return next((kind for kind in OBJECT_KINDS if kind.is_stated_by(tags)), None)
+
+
+def object_tag_values() -> dict[str, list[str]]:
+    """Return the values of each tag that states an object, by key."""
+    found: dict[str, list[str]] = {}
+    for key, value in dict.fromkeys(tag for kind in OBJECT_KINDS for tag in kind.tags):
+        found.setdefault(key, []).append(value)
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedObjects:
+    """Objects that stand on the ground of a block, a row each.
+
+    Attributes
+    ----------
+    id : id in the map, with a number for each object of a line.
+    kind : (n,) indices of OBJECT_KINDS.
+    variant : (n,) variant of the model.
+    position : (n, 3) middle of the foot, world metres.
+    heading : (n,) direction of the front, degrees clockwise from grid north.
+    size : (n, 3) length along the front, depth and height, metres.
+    """
+
+    id: tuple[str, ...]
+    kind: Int32Array
+    variant: Int32Array
+    position: Float64Array
+    heading: Float64Array
+    size: Float64Array
+
+    def __len__(self) -> int:
+        return len(self.id)
+
+    def counts(self) -> dict[str, int]:
+        """Return the number of objects of each kind that occurs."""
+        number = np.bincount(self.kind, minlength=len(OBJECT_KINDS)).tolist()
+        return {name: count for name, count in zip(OBJECT_KIND_NAMES, number, strict=True) if count}
+
+    def rows_by_model(self) -> Iterator[tuple[ObjectKind, int, Int32Array]]:
+        """Yield the kind, the variant and the rows of the objects of each model."""
+        for index, kind in enumerate(OBJECT_KINDS):
+            for variant in range(kind.variants):
+                rows = np.flatnonzero((self.kind == index) & (self.variant == variant)).astype(np.int32)
+                if len(rows):
+                    yield kind, variant, rows
+
+
+NO_OBJECTS = PlacedObjects(
+    (), np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3))
+)

@@ -1,0 +1,78 @@
+"""Surroundings in pictures: what stands and lies around a block, before and behind its own surfaces."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int32Array, UInt8Array
+from facade_core.core.street_objects import PlacedObjects
+from facade_core.core.surrounding_mesh import SurroundingMesh
+from facade_core.export.surroundings.colours import surrounding_colours
+from facade_core.export.surroundings.models import build_object_model
+from facade_core.geometry.charts import Mesh
+from facade_core.geometry.raycast import MISS, RayCaster
+from facade_core.street.lighting.settings import SKY_LOOK
+from facade_core.street.lighting.sky import HORIZON_COLOUR
+
+
+class SurroundingView:
+    """Triangles of the surroundings of a block for rays, each of one colour."""
+
+    def __init__(self, placed: PlacedObjects, around: SurroundingMesh) -> None:
+        corners = [around.vertices[around.triangles]]
+        colours = [surrounding_colours(around)[around.triangles].mean(axis=1)]
+        for kind, variant, rows in placed.rows_by_model():
+            model = build_object_model(kind, variant)
+            heading = np.radians(placed.heading[rows])
+            sine, cosine, zero = np.sin(heading), np.cos(heading), np.zeros(len(rows))
+            turn = np.stack([cosine, sine, zero, -sine, cosine, zero, zero, zero, zero + 1], axis=1).reshape(-1, 3, 3)
+            points = np.einsum("nij,vnj->nvi", turn, model.position[:, None] * (placed.size[rows] / kind.size))
+            points += placed.position[rows, None]
+            corners.append(points[:, model.triangles].reshape(-1, 3, 3))
+            colours.append(np.tile(model.colour[model.triangles].mean(axis=1), (len(rows), 1)))
+        vertices = np.concatenate(corners).reshape(-1, 3)
+        count = len(vertices) // 3
+        self._colour = _encode_srgb(np.concatenate(colours))
+        index = np.arange(3 * count, dtype=np.int32)
+        self._caster = (
+            RayCaster(Mesh(vertices, index.reshape(-1, 3), index[:count], np.repeat(index[:count], 3)))
+            if count
+            else None
+        )
+
+    def cover(
+        self,
+        position: Float64Array,
+        rays: Float64Array,
+        depth: Float32Array,
+        chart: Int32Array,
+        rgb: UInt8Array,
+    ) -> BoolArray:
+        """Draw, in place, what is nearer than the block, with haze.
+
+        Parameters
+        ----------
+        position : (3,) of the camera.
+        rays : (..., 3) directions.
+        depth, chart : (...) of the block's surfaces in these; covered ones become inf and MISS.
+        rgb : (..., 3) colours.
+
+        Returns
+        -------
+        (...) True where the surroundings are drawn.
+        """
+        if self._caster is None:
+            return np.zeros(depth.shape, bool)
+        distance, triangle = self._caster.cast(position, rays)
+        is_covered: BoolArray = distance < depth
+        share = (1 - np.exp(-distance[is_covered] / SKY_LOOK.haze_m))[:, None]
+        colour = self._colour[triangle[is_covered]] * (1 - share) + HORIZON_COLOUR * share
+        rgb[is_covered] = np.clip(colour + 0.5, 0, 255).astype(np.uint8)
+        depth[is_covered], chart[is_covered] = np.inf, MISS
+        return is_covered
+
+
+def _encode_srgb(linear: Float64Array) -> Float64Array:
+    share = np.clip(linear, 0, 1)
+    encoded: Float64Array = 255 * np.where(share <= 0.0031308, 12.92 * share, 1.055 * share ** (1 / 2.4) - 0.055)
+    return encoded

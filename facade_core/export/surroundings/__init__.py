@@ -1,0 +1,1 @@
+"""Objects of the street in exports: their models, and instances in glTF and OpenUSD."""

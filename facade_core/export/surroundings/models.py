@@ -1,0 +1,318 @@
+"""Models of street objects: procedural meshes of at most a few hundred triangles with colours of vertices.
+
+x runs along the front, y ahead of it, z up, in metres around the middle of the foot.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from facade_core.core.arrays import Float64Array, Int64Array
+from facade_core.core.street_objects import ObjectKind
+
+Colour = tuple[int, int, int]
+_BARK, _STEEL, _DARK, _WOOD, _GLASS, _RUBBER = (
+    (92, 76, 62), (88, 92, 96), (52, 55, 58), (134, 100, 66), (150, 166, 172), (38, 38, 40)
+)  # fmt: skip
+_LAMP = (236, 230, 208)
+_LEAVES: tuple[Colour, ...] = ((88, 108, 56), (104, 120, 64), (74, 98, 52), (112, 118, 58))
+_NEEDLES: tuple[Colour, ...] = ((52, 76, 52), (62, 84, 58))
+_PAINTS: tuple[Colour, ...] = ((150, 154, 160), (54, 62, 78), (132, 42, 38))
+_LEAFY = ("tree", "conifer", "hedge")
+# Light of the sky on a surface that faces up, to the side and down: what unlit models show of it.
+_SKY_LIGHT = (1.0, 0.78, 0.5)
+
+
+@dataclass(frozen=True, eq=False)
+class ObjectModel:
+    """Triangles of a model.
+
+    Attributes
+    ----------
+    position : (v, 3) metres.
+    normal : (v, 3) outward unit vectors.
+    colour : (v, 3) linear, 0 to 1.
+    triangles : (t, 3) vertex indices, counter-clockwise as seen from outside.
+    """
+
+    position: Float64Array
+    normal: Float64Array
+    colour: Float64Array
+    triangles: Int64Array
+
+
+# Share by which the tones of leaves differ from triangle to triangle.
+_LEAF_TONES = 0.45
+
+# Triangles (t, 3, 3) with normals (t, 3, 3) and a colour.
+_Part = tuple[Float64Array, Float64Array, Colour]
+
+
+@lru_cache(maxsize=64)
+def build_object_model(kind: ObjectKind, variant: int) -> ObjectModel:
+    """Build a variant of the model of a kind, of its usual size."""
+    parts = _BUILDERS[kind.name](kind, variant)
+    corners = np.concatenate([part[0] for part in parts]).reshape(-1, 3)
+    normals = np.concatenate([part[1] for part in parts]).reshape(-1, 3)
+    colours = np.concatenate([np.tile(linear_colour(colour), (3 * len(part), 1)) for part, _, colour in parts])
+    if kind.name in _LEAFY:
+        tones = 1 + _LEAF_TONES * (np.random.default_rng(variant).random(len(corners) // 3) - 0.5)
+        colours *= np.repeat(tones, 3)[:, None]
+    rows = np.round(np.column_stack([corners, normals, colours * sky_light(normals)[:, None]]), 5)
+    unique, index = np.unique(rows, axis=0, return_inverse=True)
+    return ObjectModel(unique[:, :3], unique[:, 3:6], unique[:, 6:], index.reshape(-1, 3).astype(np.int64))
+
+
+def sky_light(normals: Float64Array) -> Float64Array:
+    """Return the share of the sky's light (n,) on surfaces of some normals (n, 3)."""
+    up, side, down = _SKY_LIGHT
+    light: Float64Array = side + np.where(normals[:, 2] > 0, up - side, side - down) * normals[:, 2]
+    return light
+
+
+def linear_colour(colour: Colour | Float64Array) -> Float64Array:
+    """Return sRGB of 0 to 255 as linear light of 0 to 1."""
+    share = np.asarray(colour) / 255
+    linear: Float64Array = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    return linear
+
+
+def _flat(triangles: Float64Array, colour: Colour) -> _Part:
+    """Return triangles (t, 3, 3) with the normals of their planes."""
+    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    return triangles, np.repeat(normal[:, None], 3, axis=1), colour
+
+
+def _box(low: Sequence[float], high: Sequence[float], colour: Colour, taper: float = 0.0) -> _Part:
+    """Return a box; its top is narrower by `taper` on each side."""
+    (x0, y0, z0), (x1, y1, z1) = low, high
+    t = taper
+    foot = [(x0, y0, z0), (x1, y0, z0), (x1, y1, z0), (x0, y1, z0)]
+    top = [(x0 + t, y0 + t, z1), (x1 - t, y0 + t, z1), (x1 - t, y1 - t, z1), (x0 + t, y1 - t, z1)]
+    corners = np.array(foot + top)
+    faces = [(0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)]
+    return _flat(corners[np.array([(f[0], *pair) for f in faces for pair in (f[1:3], f[2:4])])], colour)
+
+
+def _tube(foot: Sequence[float], top: Sequence[float], radii: tuple[float, float], sides: int, colour: Colour) -> _Part:
+    """Return a closed tapered tube between two points."""
+    a, b = np.array(foot, float), np.array(top, float)
+    axis = (b - a) / np.linalg.norm(b - a)
+    right = np.cross(axis, (0.0, 1.0, 0.0) if abs(axis[1]) < 0.9 else (1.0, 0.0, 0.0))
+    right /= np.linalg.norm(right)
+    turn = 2 * np.pi * np.arange(sides) / sides
+    round_ = np.outer(np.cos(turn), right) + np.outer(np.sin(turn), np.cross(axis, right))
+    low, high = a + radii[0] * round_, b + radii[1] * round_
+    after = np.roll(np.arange(sides), -1)
+    faces = [np.stack([low, low[after], high[after]], 1), np.stack([low, high[after], high], 1)]
+    faces.append(np.stack([np.broadcast_to(b, high.shape), high, high[after]], 1))
+    return _flat(np.concatenate(faces), colour)
+
+
+def _blob(middle: Sequence[float], radii: Sequence[float], seed: int, colour: Colour) -> _Part:
+    """Return an uneven ellipsoid of 80 triangles with smooth normals, its leaves darker below."""
+    corners, faces = _sphere()
+    dents = 1 + 0.22 * (np.random.default_rng(seed).random(len(corners)) - 0.5)
+    points = corners * dents[:, None] * radii + middle
+    normal = corners / np.array(radii)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    return points[faces], normal[faces], colour
+
+
+@lru_cache(maxsize=1)
+def _sphere() -> tuple[Float64Array, Int64Array]:
+    """Return the corners (42, 3) and triangles (80, 3) of an icosahedron, divided once."""
+    g = (1 + 5**0.5) / 2
+    corners = [(a, b * g, 0.0) for a in (-1.0, 1.0) for b in (-1.0, 1.0)]
+    points = np.array([np.roll(c, k) for k in range(3) for c in corners])
+    apart = np.linalg.norm(points[:, None] - points[None], axis=-1)
+    joined = np.isclose(apart, 2.0)
+    faces = [
+        (i, j, k)
+        for i in range(12)
+        for j in range(i + 1, 12)
+        for k in range(j + 1, 12)
+        if joined[i, j] and joined[j, k] and joined[i, k]
+    ]
+    rows: list[Float64Array] = []
+    for face in faces:
+        a, b, c = points[list(face)]
+        if np.dot(np.cross(b - a, c - a), a + b + c) < 0:
+            b, c = c, b
+        ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
+        rows += [np.stack(three) for three in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
+    every = np.concatenate(rows)
+    every /= np.linalg.norm(every, axis=1, keepdims=True)
+    unique, index = np.unique(np.round(every, 6), axis=0, return_inverse=True)
+    return unique / np.linalg.norm(unique, axis=1, keepdims=True), index.reshape(-1, 3)
+
+
+def _tree(kind: ObjectKind, variant: int) -> list[_Part]:
+    """Return a trunk with branches under a crown of clumps."""
+    random = np.random.default_rng(100 + variant)
+    width, _, height = kind.size
+    crown_foot = (0.28, 0.22, 0.33, 0.25)[variant]
+    middle, half = height * (1 + crown_foot) / 2, height * (1 - crown_foot) / 2
+    parts = [_tube((0, 0, 0), (0.05, 0.0, middle), (0.022 * height, 0.010 * height), 6, _BARK)]
+    turn0 = random.random() * 2 * np.pi
+    clumps = 4 + variant % 2
+    for k in range(clumps):
+        turn = turn0 + 2 * np.pi * k / clumps
+        reach, up = 0.22 * width, middle + half * (0.35 * random.random() - 0.3)
+        place = (reach * np.cos(turn), reach * np.sin(turn), up)
+        radius = 0.24 * width
+        leaves = _shade(_LEAVES[variant], 0.9 + 0.2 * random.random())
+        parts.append(_blob(place, (radius, radius, 0.62 * half), 10 * variant + k, leaves))
+        parts.append(_tube((0, 0, 0.8 * crown_foot * height), place, (0.010 * height, 0.004 * height), 3, _BARK))
+    top = _blob((0, 0, height - 0.55 * half), (0.3 * width, 0.3 * width, 0.55 * half), 50 + variant, _LEAVES[variant])
+    return [*parts, top]
+
+
+def _conifer(kind: ObjectKind, variant: int) -> list[_Part]:
+    """Return a trunk with layers of needles."""
+    width, _, height = kind.size
+    parts = [_tube((0, 0, 0), (0, 0, 0.4 * height), (0.018 * height, 0.012 * height), 6, _BARK)]
+    layers = 5 + variant
+    for k in range(layers):
+        low = height * (0.12 + 0.8 * k / layers)
+        radius = width / 2 * (1 - 0.82 * k / layers)
+        needles = _shade(_NEEDLES[variant], 0.92 + 0.04 * k)
+        parts.append(_tube((0, 0, low), (0, 0, min(height, low + 0.3 * height)), (radius, 0.02), 9, needles))
+    return parts
+
+
+def _shade(colour: Colour, factor: float) -> Colour:
+    red, green, blue = (min(255, round(value * factor)) for value in colour)
+    return red, green, blue
+
+
+def _street_lamp(kind: ObjectKind, variant: int) -> list[_Part]:
+    _, reach, height = kind.size
+    return [
+        _tube((0, 0, 0), (0, 0, 0.9), (0.1, 0.09), 8, _STEEL),
+        _tube((0, 0, 0.9), (0, 0, height - 0.3), (0.065, 0.045), 8, _STEEL),
+        _tube((0, 0, height - 0.32), (0, reach - 0.45, height - 0.08), (0.04, 0.03), 6, _STEEL),
+        _box((-0.14, reach - 0.6, height - 0.1), (0.14, reach, height), _STEEL, 0.03),
+        _box((-0.1, reach - 0.55, height - 0.13), (0.1, reach - 0.06, height - 0.1), _LAMP),
+    ]
+
+
+def _bench(kind: ObjectKind, variant: int) -> list[_Part]:
+    half, depth, height = kind.size[0] / 2, kind.size[1] / 2, kind.size[2]
+    parts = []
+    for k in range(4):
+        y = -depth + 0.12 + 0.13 * k
+        parts.append(_box((-half, y, 0.42), (half, y + 0.11, 0.46), _WOOD))
+    parts += [_box((-half, -depth, z), (half, -depth + 0.04, z + 0.11), _WOOD) for z in (0.55, 0.7)]
+    for x in (-half + 0.15, half - 0.23):
+        parts.append(_box((x, -depth + 0.02, 0), (x + 0.08, -depth + 0.08, height), _DARK))
+        parts.append(_box((x, depth - 0.1, 0), (x + 0.08, depth - 0.04, 0.42), _DARK))
+    return parts
+
+
+def _bollard(kind: ObjectKind, variant: int) -> list[_Part]:
+    radius, height = kind.size[0] / 2, kind.size[2]
+    return [
+        _tube((0, 0, 0), (0, 0, 0.82 * height), (radius, 0.8 * radius), 10, _DARK),
+        _tube((0, 0, 0.82 * height), (0, 0, height), (0.95 * radius, 0.5 * radius), 10, _DARK),
+    ]
+
+
+def _waste_basket(kind: ObjectKind, variant: int) -> list[_Part]:
+    half, height = kind.size[0] / 2, kind.size[2]
+    return [
+        _tube((0, 0, 0), (0, 0, 0.3), (0.06, 0.06), 8, _STEEL),
+        _tube((0, 0, 0.25), (0, 0, height - 0.12), (0.8 * half, half), 12, _DARK),
+        _tube((0, 0, height - 0.1), (0, 0, height), (half, 0.6 * half), 12, _STEEL),
+    ]
+
+
+def _bicycle_stand(kind: ObjectKind, variant: int) -> list[_Part]:
+    half, depth, height = kind.size[0] / 2, kind.size[1] / 2, kind.size[2]
+    parts = []
+    for x in np.linspace(-half + 0.1, half - 0.1, 4).tolist():
+        for y in (-depth + 0.05, depth - 0.05):
+            parts.append(_tube((x, y, 0), (x, y, height - 0.05), (0.025, 0.025), 6, _STEEL))
+        parts.append(_tube((x, -depth, height - 0.05), (x, depth, height - 0.05), (0.025, 0.025), 6, _STEEL))
+    return parts
+
+
+def _shelter(kind: ObjectKind, variant: int) -> list[_Part]:
+    half, depth, height = kind.size[0] / 2, kind.size[1] / 2, kind.size[2]
+    posts = [(x, y) for x in (-half + 0.1, half - 0.1) for y in (-depth + 0.08, depth - 0.2)]
+    return [
+        *(_tube((x, y, 0), (x, y, height - 0.12), (0.045, 0.045), 6, _STEEL) for x, y in posts),
+        _box((-half, -depth, height - 0.14), (half, depth, height), _STEEL, 0.04),
+        _box((-half + 0.12, -depth + 0.06, 0.25), (half - 0.12, -depth + 0.1, height - 0.3), _GLASS),
+        _box((-half + 0.5, -depth + 0.14, 0.42), (half - 0.5, -depth + 0.5, 0.47), _WOOD),
+    ]
+
+
+def _parked_car(kind: ObjectKind, variant: int) -> list[_Part]:
+    half, depth, height = kind.size[0] / 2, kind.size[1] / 2, kind.size[2]
+    paint = _PAINTS[variant]
+    cabin_front = depth - 1.35
+    parts = [
+        _box((-half, -depth, 0.3), (half, depth, 0.62), paint),
+        _box((-half, -depth, 0.62), (half, depth, 0.9), paint, 0.07),
+        _box((-half + 0.08, -depth + 0.35, 0.88), (half - 0.08, cabin_front, height - 0.06), _DARK, 0.28),
+        _box((-half + 0.35, -depth + 0.62, height - 0.07), (half - 0.35, cabin_front - 0.27, height), paint, 0.04),
+        _box((-half + 0.1, depth - 0.02, 0.62), (half - 0.1, depth + 0.01, 0.74), _LAMP),
+    ]
+    for x in (-half - 0.01, half - 0.2):
+        for y in (-depth + 0.8, depth - 0.8):
+            parts.append(_tube((x, y, 0.31), (x + 0.21, y, 0.31), (0.31, 0.31), 10, _RUBBER))
+            parts.append(_tube((x + 0.21, y, 0.31), (x, y, 0.31), (0.3, 0.3), 10, _RUBBER))
+    return parts
+
+
+def _fence(kind: ObjectKind, variant: int) -> list[_Part]:
+    half, depth, height = kind.size[0] / 2, kind.size[1] / 2, kind.size[2]
+    parts = [_box((-half, -depth / 2, z), (half, depth / 2, z + 0.05), _DARK) for z in (0.12, height - 0.1)]
+    parts.append(_box((-half, -depth, 0), (-half + 0.08, depth, height), _DARK))
+    for x in np.linspace(-half + 0.2, half - 0.12, 10).tolist():
+        parts.append(_box((x, -0.011, 0.1), (x + 0.022, 0.011, height - 0.06), _DARK))
+    return parts
+
+
+def _hedge(kind: ObjectKind, variant: int) -> list[_Part]:
+    """Return a hedge whose ends meet those of its neighbours."""
+    half, depth, height = kind.size[0] / 2, kind.size[1] / 2, kind.size[2]
+    random = np.random.default_rng(300 + variant)
+    across, up = (
+        np.array([-depth, -depth, -0.8 * depth, 0, 0.8 * depth, depth, depth]),
+        np.array([0, 0.45, 0.92, 1, 0.92, 0.45, 0]),
+    )
+    columns = 5
+    grid = np.empty((columns, len(across), 3))
+    for k, x in enumerate(np.linspace(-half, half, columns)):
+        dent = 1 + (0.14 * (random.random(len(across)) - 0.5) if 0 < k < columns - 1 else np.zeros(len(across)))
+        grid[k] = np.column_stack([np.full(len(across), x), across * dent, height * up * dent])
+    a, b, c, d = grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]
+    sides = np.concatenate([np.stack([a, c, b], 2).reshape(-1, 3, 3), np.stack([a, d, c], 2).reshape(-1, 3, 3)])
+    middle = np.array([(-half, 0, height / 2), (half, 0, height / 2)])
+    ends = [
+        np.stack([np.broadcast_to(middle[e], (6, 3)), grid[k, 1 - e : 7 - e], grid[k, e : 6 + e]], 1)
+        for e, k in ((0, 0), (1, -1))
+    ]
+    return [_flat(np.concatenate([sides, *ends])[:, [0, 2, 1]], _LEAVES[2 * variant])]
+
+
+_BUILDERS: Mapping[str, Callable[[ObjectKind, int], list[_Part]]] = {
+    "tree": _tree,
+    "conifer": _conifer,
+    "street_lamp": _street_lamp,
+    "bench": _bench,
+    "bollard": _bollard,
+    "waste_basket": _waste_basket,
+    "bicycle_stand": _bicycle_stand,
+    "shelter": _shelter,
+    "parked_car": _parked_car,
+    "fence": _fence,
+    "hedge": _hedge,
+}

@@ -1,0 +1,55 @@
+"""Objects that a map states, read from tags."""
+
+from __future__ import annotations
+
+import pytest
+import shapely
+from pyproj import CRS
+from shapely import LineString, Point
+
+from catalogs.block.ground import build_block_ground
+from catalogs.buildings.surroundings import build_ground_objects, select_objects
+from catalogs.features import CentrelinesAndGround, GroundFeature
+from catalogs.readers.vectors.ground_classes import osm_ground_tags
+from facade_core.core.types import MappedGround
+
+AROUND = shapely.box(0, 0, 100, 100)
+
+
+def test_objects_are_read_with_sizes_and_directions() -> None:
+    tags = {"natural": "tree", "height": "40 ft", "diameter_crown": "6 m"}
+    (tree,) = build_ground_objects("n1", Point(5, 5), tags, AROUND)
+    assert (tree.kind, round(tree.height, 2), tree.width, tree.direction) == ("tree", 12.19, 6.0, None)
+    (bench,) = build_ground_objects("n2", Point(5, 5), {"amenity": "bench", "direction": "ENE"}, AROUND)
+    assert bench.direction == pytest.approx(67.5)
+    assert build_ground_objects("n3", Point(500, 5), tags, AROUND) == []
+
+
+def test_lines_are_cut_and_closed_ones_are_their_outline() -> None:
+    hedge = {"barrier": "hedge"}
+    two = build_ground_objects("w1", LineString([(-5, 5), (50, 5), (50, 150), (60, 150), (60, 5)]), hedge, AROUND)
+    assert [one.id for one in two] == ["w1-0", "w1-1"]
+    (ring,) = build_ground_objects("w2", shapely.box(10, 10, 20, 20), {"barrier": "fence"}, AROUND)
+    assert ring.geometry.length == pytest.approx(40)
+
+
+def test_a_building_is_no_shelter() -> None:
+    shelter = {"amenity": "shelter"}
+    assert build_ground_objects("w", shapely.box(1, 1, 4, 3), shelter | {"building": "roof"}, AROUND)
+    assert not build_ground_objects("w", shapely.box(1, 1, 4, 3), shelter | {"building": "yes"}, AROUND)
+
+
+def test_objects_of_other_maps_are_known_by_their_words() -> None:
+    assert osm_ground_tags({"class": "Baum"})["natural"] == "tree"
+    assert osm_ground_tags({}, "street_lamps")["highway"] == "street_lamp"
+    assert osm_ground_tags({"class": "hedge"}, is_area=True)["barrier"] == "hedge"
+    features = (GroundFeature("1", Point(5, 5), osm_ground_tags({"class": "tree"})),)
+    utm = CRS("EPSG:32635")
+    ground = build_block_ground([CentrelinesAndGround(None, (), ground=features)], utm, AROUND, None)
+    assert [one.kind for one in ground.objects] == ["tree"]
+
+
+def test_props_off_leaves_objects_out() -> None:
+    ground = MappedGround(objects=tuple(build_ground_objects("n", Point(5, 5), {"natural": "tree"}, AROUND)))
+    assert select_objects(ground, "stated") is ground
+    assert select_objects(ground, "off").objects == ()
