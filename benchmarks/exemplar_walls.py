@@ -4,10 +4,9 @@
 
 Shows walls at one scale: at most SHEET_WALLS, at least MIN_WIDTH_M wide, spread evenly over the block, and none that a
 neighbour covers by more than half. Covered parts, and what is below a wall over a lower roof, are grey. Their exemplars
-follow, as prepared. Nothing of the block but
-these walls is made. --prepared keeps the prepared exemplars for a next time. --pick takes N of the block's exemplars
-evenly, without every fifth, as ECP and CMP are held out of training. Prints each wall with its exemplar and the exemplar
-whose ground floor it shows.
+follow, as prepared. Nothing of the block but these walls is made. --prepared keeps the prepared exemplars for a next time.
+--pick takes N of the block's exemplars evenly, without every fifth, as ECP and CMP are held out of training. Prints each
+wall with its exemplar and the exemplar whose ground floor it shows.
 """
 
 from __future__ import annotations

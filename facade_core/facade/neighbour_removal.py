@@ -37,10 +37,12 @@ MAX_SIDE_SHARE = 0.25
 SIDE_STEP_PX = 3
 MAX_WINDOW_SHARE = 0.04
 # Difference in CIELAB from the wall of the same row at which a pixel beside the outer windows shows something else, the share
-# of such pixels of a column that shows some, beyond that beside inner windows, and columns between it and the side.
+# of such pixels of a column that shows some, beyond that beside inner windows, columns between it and the side, and the
+# largest share of the width that is cut off: more is a part of the facade.
 MIN_FOREIGN_DIFFERENCE = 25.0
 MIN_FOREIGN_SHARE = 0.04
 MAX_SIDE_GAP_PX = 3
+MAX_FOREIGN_WIDTH = 0.1
 # Bays that remain of a facade.
 MIN_BAYS = 2
 
@@ -139,7 +141,8 @@ def find_clean_columns(image: UInt8Array, labels: UInt8Array) -> tuple[int, int]
     beside = []
     for (_, end), (start, _) in pairwise(found.bays):
         beside += [share[end : (end + start) // 2], share[(end + start) // 2 : start][::-1]]
-    first, last = _count_foreign_columns(share[:left][::-1], beside), _count_foreign_columns(share[right:], beside)
+    sides = [_count_foreign_columns(one, beside) for one in (share[:left][::-1], share[right:])]
+    first, last = (count if count <= MAX_FOREIGN_WIDTH * width else 0 for count in sides)
     return first, width - last
 
 

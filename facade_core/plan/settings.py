@@ -65,7 +65,7 @@ class ExemplarChoiceSettings:
     families_per_street: int = 3
     other_family_cost: float = 1.0
     shop_cost: float = 1.4
-    min_foot: float = 0.8
+    min_foot: float = 0.74
     foot_cost: float = 10.0
     plain_cost: float = 3.0
     unfit_cost: float = 5.0
