@@ -1,11 +1,12 @@
 """Sheet of street walls that are made from a block's exemplars, to be judged by eye.
 
-    python -m benchmarks.exemplar_walls BLOCK.yaml --prepared FOLDER --sheet FILE
+    python -m benchmarks.exemplar_walls BLOCK.yaml --prepared FOLDER --sheet FILE [--pick N]
 
 Shows walls at one scale: at most SHEET_WALLS, at least MIN_WIDTH_M wide, spread evenly over the block, and none that a
-neighbour covers by more than half. Covered parts are grey. Their exemplars follow, as prepared. Nothing of the block but
-these walls is made. --prepared keeps the prepared exemplars for a next time. Prints each wall with its exemplar and the
-exemplar whose ground floor it shows.
+neighbour covers by more than half. Covered parts, and what is below a wall over a lower roof, are grey. Their exemplars
+follow, as prepared. Nothing of the block but these walls is made. --prepared keeps the prepared exemplars for a next time.
+--pick takes N of the block's exemplars evenly, without every fifth, as ECP and CMP are held out of training. Prints each
+wall with its exemplar and the exemplar whose ground floor it shows.
 """
 
 from __future__ import annotations
@@ -43,7 +44,16 @@ from tasks.stages.facades.imagery import ChosenExemplar
 from tasks.stages.ingest.planning import make_plan
 
 SHEET_WALLS, MIN_WIDTH_M, MIN_FREE_SHARE, COVERED_MARGIN_M, GREY = 40, 4.0, 0.5, 0.25, 225
+# As in `training.datasets.facades.split_facades_for_training`.
+HELD_OUT_EVERY = 5
 PIXELS_PER_METRE, SHEET_PX, GAP_PX = 16, 1900, 12
+
+
+def pick_exemplars(block: Block, count: int) -> Block:
+    """Return a block with some of its exemplars, evenly, and none of a held-out fold."""
+    known = [path for number, path in enumerate(block.exemplars) if number % HELD_OUT_EVERY]
+    places = np.linspace(0, len(known) - 1, count).round().astype(int).tolist()
+    return replace(block, exemplars=tuple(known[place] for place in places))
 
 
 def prepare_exemplars(run: Run, block: Block) -> dict[int, PreparedExemplar]:
@@ -102,6 +112,9 @@ def make_walls(
         down, across = ((np.arange(side) + 0.5) / PIXELS_PER_METRE for side in size)
         seen = shapely.contains_xy(wall.free.buffer(COVERED_MARGIN_M), *np.meshgrid(across + along, down))
         image = np.where(seen[..., None], resize_image(made.image, size), GREY).astype(np.uint8)
+        if wall.is_raised:
+            below = round(wall.foot * PIXELS_PER_METRE)
+            image = np.pad(image, ((0, below), (0, 0), (0, 0)), constant_values=GREY)
         ground = exemplar.ground_floor
         names = exemplar.names if ground != "plain" else f"{exemplar.name}, plain"
         found.append((facades.id[facade], names, image))
@@ -132,8 +145,10 @@ def main() -> None:
     parser.add_argument("block", type=Path, help="block file with exemplars")
     parser.add_argument("--prepared", type=Path, required=True, help="folder that keeps prepared exemplars")
     parser.add_argument("--sheet", type=Path, required=True)
+    parser.add_argument("--pick", type=int, help="number of exemplars; all by default")
     args = parser.parse_args()
     block = read_block(args.block)
+    block = block if args.pick is None else pick_exemplars(block, args.pick)
     run = replace(create_run(block, args.prepared / "run"), shared=str(args.prepared))
     prepared = prepare_exemplars(run, block)
     walls = make_walls(run, block, make_plan(block), prepared)

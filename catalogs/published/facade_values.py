@@ -221,6 +221,7 @@ QUALITY_CHECKS: Mapping[str, Callable[[FacadeSource], bool]] = {
     **{flag: _texture_fault(flag) for flag in FAULT_MEASURES},
     "no-windows": _has_no_windows,
     "floors-differ": _do_floors_differ,
+    "implausible-layout": lambda source: source.role == "street" and bool(source.record.get("implausible")),
     "doubtful-cut": _is_cut_doubtful,
     "rejected-picture": lambda source: bool(source.record.get("reason")),
     ASSUMED_HEIGHT: lambda source: source.building_value("height_source") == "default",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -11,7 +12,10 @@ from facade_core.core.arrays import BoolArray, Float64Array, UInt8Array
 from facade_core.core.labels import FacadeClass
 from facade_core.core.provenance import Provenance
 from facade_core.core.resizing import resize_image
+from facade_core.core.types import Element
 from facade_core.facade.facade import Facade, time_stage
+from facade_core.facade.layout.scores import score
+from facade_core.facade.layout.settings import MIN_PLAUSIBLE_SCORE
 from facade_core.facade.texture.building_walls import compose_wall
 from facade_core.facade.texture.retargeting import ExemplarAnalysis
 from facade_core.facade.texture.tint import tint_facade
@@ -26,6 +30,8 @@ from facade_core.parsing.lattice import lattice
 
 # Hierarchy level, as a share of the last one, within whose types a wall's elements are exchanged.
 EXCHANGE_LEVEL = 0.75
+# Other compositions of a street wall whose layout is implausible: bays more than fit best.
+OTHER_BAYS = (1, -1)
 # Pixels for each texel when a wall on no street is drawn, if the exemplar is that fine; drawn in texels it would be softer.
 OVERSAMPLING = 2
 # Largest factor by which a wall's bands are lightened or darkened; beyond it grain would dominate.
@@ -76,7 +82,8 @@ def build_facade_from_exemplar(
 ) -> Facade:
     """Build a wall without imagery in the style of an exemplar.
 
-    Walls on no street get no hierarchy; texels behind a neighbour are marked as unseen.
+    A street wall with an implausible layout is composed again with other numbers of bays, and the most plausible composition
+    taken. Texels of walls on no street behind a neighbour are marked as unseen.
 
     Parameters
     ----------
@@ -87,42 +94,24 @@ def build_facade_from_exemplar(
     paint : paint of the building.
     seed : seed of the composition and of the panes.
     """
-    import cv2
-
     seconds: dict[str, float] = {}
+    span = span or (0.0, wall.width)
     with time_stage(seconds, "retarget"):
-        left, right = span or (0.0, wall.width)
-        # A back with a door needs full resolution too: the joints of the door are finer than a texel.
-        full_resolution = wall.on_street or wall.has_back_door
-        texel = wall.height / size[0]
-        pixel = scaled.metres_per_pixel if full_resolution else max(scaled.metres_per_pixel, texel / OVERSAMPLING)
-        texture, labels = compose_wall(
-            scaled.style,
-            wall,
-            metres_per_pixel=scaled.metres_per_pixel,
-            output_metres_per_pixel=pixel,
-            texel_m=texel,
-            seed=seed,
-        )
-        columns = slice(round(left / pixel), max(round(left / pixel) + 1, round(right / pixel)))
-        texture, labels = resize_image(np.ascontiguousarray(texture[:, columns]), size), labels[:, columns]
-        if labels.shape != size:
-            labels = np.asarray(cv2.resize(labels, size[::-1], interpolation=cv2.INTER_NEAREST), labels.dtype)
-    with time_stage(seconds, "elements"):
-        layout = tuple(elements(labels))
-    hierarchy = varied = None
+        made = _compose_part(scaled, wall, size, span, seed, 0)
+        if wall.on_street and made.plausibility is not None and made.plausibility < MIN_PLAUSIBLE_SCORE:
+            others = [_compose_part(scaled, wall, size, span, seed, more) for more in OTHER_BAYS]
+            made = max([made, *others], key=lambda one: -np.inf if one.plausibility is None else one.plausibility)
+    texture, labels, layout, plausibility = made
     with time_stage(seconds, "vary"):
-        if wall.on_street:
-            # Permute window states between walls of one exemplar and between repeated bays.
-            texture, varied = permute_photo_elements(texture, find_variations(texture, layout), EXCHANGE_LEVEL, seed)
+        # Permute window states between walls of one exemplar and between repeated bays.
+        texture, varied = permute_photo_elements(texture, find_variations(texture, layout), EXCHANGE_LEVEL, seed)
         factors = _paint_factors(texture, labels, paint.wall_colour)
         texture = tint_facade(texture, labels, building_seed=paint.building_seed, seed=seed, paint=factors)
     with time_stage(seconds, "lattice"):
         split = lattice(labels)
-    if varied is not None:
-        with time_stage(seconds, "encode"):
-            hierarchy = encode_variations(texture, varied)
-    known = np.ones(size, bool) if wall.on_street else _free_mask(wall, (left, right), size)
+    with time_stage(seconds, "encode"):
+        hierarchy = encode_variations(texture, varied) if layout else None
+    known = np.ones(size, bool) if wall.on_street else _free_mask(wall, span, size)
     return Facade(
         evidence=texture,
         image=texture,
@@ -138,7 +127,45 @@ def build_facade_from_exemplar(
         estimates=None,
         floors=count_floors(labels),
         seconds=seconds,
+        plausibility=plausibility,
     )
+
+
+class _Composition(NamedTuple):
+    """Composed part of a wall: image, labels, elements, and the plausibility of these; None without any."""
+
+    image: UInt8Array
+    labels: UInt8Array
+    layout: tuple[Element, ...]
+    plausibility: float | None
+
+
+def _compose_part(
+    scaled: ScaledStyle, wall: FacadeWall, size: tuple[int, int], span: tuple[float, float], seed: int, more_bays: int
+) -> _Composition:
+    """Compose a wall, and cut out the part between two ends in metres, of a size (h, w)."""
+    import cv2
+
+    # A back with a door needs full resolution too: the joints of the door are finer than a texel.
+    full_resolution = wall.on_street or wall.has_back_door
+    texel = wall.height / size[0]
+    pixel = scaled.metres_per_pixel if full_resolution else max(scaled.metres_per_pixel, texel / OVERSAMPLING)
+    texture, labels = compose_wall(
+        scaled.style,
+        wall,
+        metres_per_pixel=scaled.metres_per_pixel,
+        output_metres_per_pixel=pixel,
+        texel_m=texel,
+        seed=seed,
+        more_bays=more_bays,
+    )
+    left, right = (round(end / pixel) for end in span)
+    columns = slice(left, max(left + 1, right))
+    texture, labels = resize_image(np.ascontiguousarray(texture[:, columns]), size), labels[:, columns]
+    if labels.shape != size:
+        labels = np.asarray(cv2.resize(labels, size[::-1], interpolation=cv2.INTER_NEAREST), labels.dtype)
+    layout = tuple(elements(labels))
+    return _Composition(texture, labels, layout, score(layout, (0.0, 0.0, size[1], size[0])) if layout else None)
 
 
 def _paint_factors(texture: UInt8Array, labels: UInt8Array, colour: Float64Array | None) -> Float64Array | None:

@@ -30,6 +30,8 @@ USUAL_SHADED_SHARE = 0.18
 MIN_FILLED_SHARE = 0.4
 # Least height of an entrance, metres.
 MIN_ENTRANCE_M = 1.5
+# Lightness relative to the wall of the upper floors below which wall of the ground floor is in deep shadow or hidden.
+DARK_FOOT = 0.4
 # Worth of an exemplar whose part is worth nothing; otherwise one bad part would hide the others.
 _FLOOR = 0.1
 
@@ -41,8 +43,8 @@ class ExemplarQuality:
     Attributes
     ----------
     sharpness : detail at JUDGED_PIXELS_PER_METRE.
-    upper, foot : shares of the upper floors and of the ground floor that the picture shows, not inpainted; a ground floor
-        without an entrance is cut off by the picture.
+    upper, foot : shares of the upper floors and of the ground floor that the picture shows, not inpainted; the latter times
+        the share of its wall that is not dark. A ground floor without an entrance is cut off by the picture.
     clean : few pixels of wall in colours foreign to it, as of remaining trees and signs.
     whole : share of the grid of floors and bays with a window.
     light : little of the wall in shadow.
@@ -90,7 +92,9 @@ def judge_exemplar(
     return ExemplarQuality(
         sharpness=_limit((_blur_loss(small, ~unseen) - BLURRED_LOSS) / (SHARP_LOSS - BLURRED_LOSS)),
         upper=_limit(1 - _share(unseen[:ground])),
-        foot=_limit(1 - _share(unseen[ground:])) if _has_entrance(classes[ground:]) else 0.0,
+        foot=_limit((1 - _share(unseen[ground:])) * (1 - _dark_share(small, classes, ground)))
+        if _has_entrance(classes[ground:])
+        else 0.0,
         clean=_limit(1 - _foreign_share(small, classes) / MAX_FOREIGN_SHARE),
         whole=whole,
         light=_limit(1 - shaded_share / MAX_SHADED_SHARE),
@@ -102,6 +106,14 @@ def _has_entrance(labels: UInt8Array) -> bool:
     """Return whether a ground floor at JUDGED_PIXELS_PER_METRE shows a door or a shop."""
     tall = np.isin(labels, (FacadeClass.DOOR, FacadeClass.SHOP)).sum(axis=0)
     return bool((tall >= MIN_ENTRANCE_M * JUDGED_PIXELS_PER_METRE).any())
+
+
+def _dark_share(image: UInt8Array, labels: UInt8Array, ground: int) -> float:
+    """Return the share of dark wall below a row, which is the top of the ground floor; 0 without wall."""
+    light, wall = cv2.cvtColor(image, cv2.COLOR_RGB2LAB)[..., 0], labels == FacadeClass.WALL
+    if not (wall[:ground].any() and wall[ground:].any()):
+        return 0.0
+    return _share(light[ground:][wall[ground:]] < DARK_FOOT * float(np.median(light[:ground][wall[:ground]])))
 
 
 def _limit(value: float) -> float:

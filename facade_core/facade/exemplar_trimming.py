@@ -9,7 +9,7 @@ import numpy as np
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Box, Parsing
 from facade_core.facade.evidence import Evidence
-from facade_core.facade.neighbour_removal import find_own_columns
+from facade_core.facade.neighbour_removal import find_clean_columns, find_own_columns
 from facade_core.facade.sky_removal import count_sky_rows
 from facade_core.parsing.elements import elements
 from facade_core.parsing.floor_structure import FloorsAndBays, fill_sky_and_unknown, find_floors_and_bays
@@ -21,7 +21,7 @@ SIDE_MARGIN_SHARE = 0.012
 def trim_to_facade(photo: Evidence) -> tuple[Evidence, Box]:
     """Trim an observed picture to its facade.
 
-    Bays and floors that the picture cuts through, neighbours, and sky above the eaves go.
+    Bays and floors that the picture cuts through, neighbours, sky above the eaves, and what stands at the sides go.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def trim_to_facade(photo: Evidence) -> tuple[Evidence, Box]:
     What remains, and its box in the picture.
     """
     box = (0, 0, 0, 0)
-    for find_part in (_whole_part, _own_part, _part_below_sky):
+    for find_part in (_whole_part, _own_part, _part_below_sky, _part_of_clean_sides):
         y0, y1, x0, x1 = find_part(photo)
         left, top = box[0] + x0, box[1] + y0
         box = (left, top, left + x1 - x0, top + y1 - y0)
@@ -79,6 +79,12 @@ def _part_below_sky(photo: Evidence) -> tuple[int, int, int, int]:
     """Rows and columns without sky above the eaves."""
     labels = fill_sky_and_unknown(photo.parsing.labels)
     return count_sky_rows(photo.image, labels, photo.hidden, photo.surroundings), len(labels), 0, labels.shape[1]
+
+
+def _part_of_clean_sides(photo: Evidence) -> tuple[int, int, int, int]:
+    """Rows and columns without lamps, pipes and neighbours' roofs at the sides."""
+    labels = fill_sky_and_unknown(photo.parsing.labels)
+    return 0, len(labels), *find_clean_columns(photo.image, labels)
 
 
 def _whole_columns(structure: FloorsAndBays, margin: float, width: int) -> tuple[int, int]:

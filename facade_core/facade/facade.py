@@ -29,11 +29,12 @@ class Facade:
     lattice : irregular lattice of the labels.
     elements : elements with the probability that they exist times their visible share as confidence; 1 without a
         photo.
-    hierarchy : variation-factored hierarchy, None for walls on no street.
+    hierarchy : variation-factored hierarchy, None without elements.
     completion : completed layout, None if nothing was completed.
     estimates : window share, number of windows and of floors, with intervals; None without a photo.
     floors : number of floors, the ground floor included; 0 without windows.
     seconds : seconds of each stage.
+    plausibility : logarithm of the layout's probability, of its ten scores; None with a photo, or without elements.
     foreign_share, inpainting_doubt : as in `facade_core.facade.texture_faults`; None without pictures.
     """
 
@@ -51,6 +52,7 @@ class Facade:
     estimates: FacadeEstimates | None
     floors: int
     seconds: dict[str, float] = field(compare=False)
+    plausibility: float | None = None
     foreign_share: float | None = None
     inpainting_doubt: float | None = None
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
+
 import cv2
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float32Array, UInt8Array
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, UInt8Array
 from facade_core.core.labels import FacadeClass
 from facade_core.core.resizing import resize_image
 from facade_core.imagery.rectify.neighbours import WORKING_ROWS, measure_gaps, party_wall_log_odds
-from facade_core.parsing.floor_structure import find_floors_and_bays
+from facade_core.parsing.floor_structure import find_floors_and_bays, spans_above_threshold
 
 # Share of the rows of a column outside the facade from which the column parts two houses.
 MIN_OUTSIDE_SHARE = 0.5
@@ -33,6 +36,13 @@ MIN_SIDE_SHARE = 0.02
 MAX_SIDE_SHARE = 0.25
 SIDE_STEP_PX = 3
 MAX_WINDOW_SHARE = 0.04
+# Difference in CIELAB from the wall of the same row at which a pixel beside the outer windows shows something else, the share
+# of such pixels of a column that shows some, beyond that beside inner windows, columns between it and the side, and the
+# largest share of the width that is cut off: more is a part of the facade.
+MIN_FOREIGN_DIFFERENCE = 25.0
+MIN_FOREIGN_SHARE = 0.04
+MAX_SIDE_GAP_PX = 3
+MAX_FOREIGN_WIDTH = 0.1
 # Bays that remain of a facade.
 MIN_BAYS = 2
 
@@ -98,6 +108,53 @@ def _find_side_strips(lab: Float32Array, wall: BoolArray, is_bare: BoolArray, fl
         if changes and max(changes) >= MIN_SIDE_CHANGE:
             found.append(columns[int(np.argmax(changes))])
     return found
+
+
+def find_clean_columns(image: UInt8Array, labels: UInt8Array) -> tuple[int, int]:
+    """Find the columns between things at the sides of an exemplar, before the wall beside its outer windows.
+
+    Every wall from it would repeat half a lamp, or the edge of a neighbour's roof. What inner windows have beside them too,
+    such as shutters, belongs to the facade.
+
+    Parameters
+    ----------
+    image : (h, w, 3) uint8.
+    labels : (h, w) uint8 class ids, without sky.
+
+    Returns
+    -------
+    First column, and the one after the last.
+    """
+    found, width = find_floors_and_bays(labels), labels.shape[1]
+    if found is None:
+        return 0, width
+    rows = slice(found.floor_cuts[sum(kind == "roof" for kind in found.kinds)], found.ground_top)
+    lab, classes = cv2.cvtColor(image[rows].astype(np.float32) / 255, cv2.COLOR_RGB2LAB), labels[rows]
+    left, right = found.bays[0][0], found.bays[-1][1]
+    is_wall = (classes == FacadeClass.WALL) & (np.arange(width) >= left) & (np.arange(width) < right)
+    walled = np.flatnonzero(is_wall.any(axis=1))
+    if not len(walled):
+        return 0, width
+    usual = np.array([np.median(lab[row][is_wall[row]], axis=0) for row in walled.tolist()])
+    is_foreign = np.linalg.norm(lab[walled] - usual[:, None], axis=2) > MIN_FOREIGN_DIFFERENCE
+    share = (is_foreign & np.isin(classes[walled], (FacadeClass.WALL, FacadeClass.ROOF))).mean(axis=0)
+    beside = []
+    for (_, end), (start, _) in pairwise(found.bays):
+        beside += [share[end : (end + start) // 2], share[(end + start) // 2 : start][::-1]]
+    sides = [_count_foreign_columns(one, beside) for one in (share[:left][::-1], share[right:])]
+    first, last = (count if count <= MAX_FOREIGN_WIDTH * width else 0 for count in sides)
+    return first, width - last
+
+
+def _count_foreign_columns(outward: Float64Array, beside: Sequence[Float64Array]) -> int:
+    """Count the foreign columns at a side, given the foreign shares outward from the outer window and from inner ones."""
+    is_foreign = np.zeros(len(outward), bool)
+    for distance, share in enumerate(outward.tolist()):
+        usual = [float(one[distance]) for one in beside if len(one) > distance] or [0.0]
+        is_foreign[-1 - distance] = share > np.median(usual) + MIN_FOREIGN_SHARE
+    for start, end in spans_above_threshold(is_foreign.astype(np.float64), 0.5):
+        return end if start < MAX_SIDE_GAP_PX and end < len(is_foreign) else 0
+    return 0
 
 
 def measure_colour_change(lab: Float32Array, wall: BoolArray, column: int, floor_cuts: tuple[int, ...]) -> float:

@@ -53,7 +53,7 @@ class ExemplarChoiceSettings:
     """
 
     random_cost: float = 0.8
-    floors_cost: float = 0.7
+    floors_cost: float = 1.5
     floor_height_cost: float = 0.7
     width_cost: float = 0.05
     quality_cost: float = 10.0
@@ -66,7 +66,7 @@ class ExemplarChoiceSettings:
     families_per_street: int = 3
     other_family_cost: float = 1.0
     shop_cost: float = 1.4
-    min_foot: float = 0.7
+    min_foot: float = 0.74
     foot_cost: float = 10.0
     plain_cost: float = 3.0
     unfit_cost: float = 5.0

@@ -55,6 +55,12 @@ def lose_windows() -> UInt8Array:
     return labels
 
 
+def darken_foot() -> UInt8Array:
+    image, half = PAINTED.image.copy(), PAINTED.image.shape[1] // 2
+    image[FOUND.ground_top :, :half] //= 5
+    return image
+
+
 DEFECTS = {
     "sharpness": judge(image=np.asarray(cv2.GaussianBlur(PAINTED.image, (0, 0), 3.0), np.uint8)),
     "upper": judge(hidden=hide(slice(0, FOUND.ground_top))),
@@ -64,6 +70,10 @@ DEFECTS = {
     "light": judge(shaded=0.4),
     "straight": judge(image=lean(PAINTED.image), labels=lean(PAINTED.labels)),
 }
+
+
+def test_a_ground_floor_in_deep_shadow_is_as_good_as_hidden() -> None:
+    assert judge(image=darken_foot()).foot < judge().foot - 0.3
 
 
 @pytest.mark.parametrize("part", DEFECTS)

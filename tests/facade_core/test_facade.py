@@ -19,6 +19,8 @@ from facade_core.facade import exemplar
 from facade_core.facade.evidence import Evidence
 from facade_core.facade.exemplar import count_columns, measure_narrowest_shop, prepare_exemplar
 from facade_core.facade.exemplar_facade import BuildingPaint, ScaledStyle, build_facade_from_exemplar
+from facade_core.facade.facade import Facade
+from facade_core.facade.layout.settings import MIN_PLAUSIBLE_SCORE
 from facade_core.facade.photo_facade import build_facade_from_photo
 from facade_core.facade.texture.building_walls import compose_wall
 from facade_core.facade.texture.retargeting import analyse_exemplar
@@ -188,6 +190,31 @@ def test_a_wall_is_painted_in_the_colour_of_its_building(colour: tuple[float, ..
     inside = cv2.erode((usual.labels == FacadeClass.WINDOW).astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
     assert inside.any()
     np.testing.assert_array_equal(painted.image[inside], usual.image[inside])
+
+
+def test_a_street_wall_takes_the_number_of_bays_of_which_the_scores_are_best(monkeypatch: pytest.MonkeyPatch) -> None:
+    clean = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.06, seed=2)
+    style = ScaledStyle(analyse_exemplar(clean.image, clean.labels), 0.06)
+    wall = FacadeWall.freestanding(13.0, 12.0, floors=4)
+    usual = build_facade_from_exemplar(style, wall, (216, 200), seed=3)
+    assert usual.plausibility is not None
+    assert usual.plausibility > MIN_PLAUSIBLE_SCORE
+
+    def count_columns_of(facade: Facade) -> int:
+        return max(
+            sum(e.label == "window" and abs(e.y0 - other.y0) < 4 for e in facade.elements) for other in facade.elements
+        )
+
+    def prefer_more(layout: tuple[Element, ...], domain: tuple[float, ...]) -> float:
+        return len(layout) - 1000.0
+
+    monkeypatch.setattr("facade_core.facade.exemplar_facade.score", prefer_more)
+    more = build_facade_from_exemplar(style, wall, (216, 200), seed=3)
+    assert count_columns_of(more) == count_columns_of(usual) + 1
+    back = build_facade_from_exemplar(style, replace(wall, on_street=False, is_back=True), (216, 200), seed=3)
+    assert back.hierarchy is not None
+    assert len(back.hierarchy.levels) >= 1
+    assert back.plausibility is not None
 
 
 def test_a_back_is_drawn_at_twice_its_density_where_the_exemplar_is_finer(monkeypatch: pytest.MonkeyPatch) -> None:

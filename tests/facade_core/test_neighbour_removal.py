@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.painter.facade import PaintedFacade, paint_facade
-from facade_core.facade.neighbour_removal import find_own_columns
+from facade_core.facade.neighbour_removal import find_clean_columns, find_own_columns
+from facade_core.parsing.floor_structure import find_floors_and_bays
 
 
 def paint_house(width: float, columns: int, floors: int = 4) -> PaintedFacade:
@@ -55,3 +56,21 @@ def test_a_narrow_strip_of_another_colour_is_cut_off() -> None:
     left, right = find_columns(image, house.labels)
     assert abs(left - width // 30) <= 0.02 * width
     assert right == width
+
+
+def test_a_lamp_beside_the_outer_window_is_cut_off_up_to_clean_wall() -> None:
+    house = paint_house(13.0, 4)
+    width, found = house.labels.shape[1], find_floors_and_bays(house.labels)
+    assert found is not None
+    assert find_clean_columns(house.image, house.labels) == (0, width)
+    image = house.image.copy()
+    image[150:200, :9] = (10, 12, 14)
+    assert find_clean_columns(image, house.labels) == (9, width)
+    assert find_clean_columns(image[:, ::-1], house.labels[:, ::-1]) == (0, width - 9)
+    image[150:200, : found.bays[0][0]] = (10, 12, 14)
+    assert find_clean_columns(image, house.labels) == (0, width), "no clean wall is left beside the window"
+    image = house.image.copy()
+    for left, right in found.bays:
+        image[:, max(0, left - 8) : left] = image[:, right : right + 8] = (10, 70, 30)
+    image[:, : found.bays[0][0] - 8] = image[:, found.bays[1][0] - 20 : found.bays[1][0] - 19]
+    assert find_clean_columns(image, house.labels) == (0, width), "shutters belong to the facade"

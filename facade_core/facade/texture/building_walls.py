@@ -42,6 +42,7 @@ def compose_wall(
     output_metres_per_pixel: float | None = None,
     texel_m: float | None = None,
     seed: int = 0,
+    more_bays: int = 0,
 ) -> tuple[UInt8Array, UInt8Array]:
     """Compose image and labels of a wall in an exemplar's style.
 
@@ -56,6 +57,7 @@ def compose_wall(
     output_metres_per_pixel : scale of the result; that of the exemplar by default.
     texel_m : metres of a texel of the final raster; a pixel of the result by default.
     seed : seed of the composition.
+    more_bays : bays more than fit best, in the widest section.
 
     Returns
     -------
@@ -75,6 +77,9 @@ def compose_wall(
     stack, scale = stack_floors(style, wall, metres_per_pixel)
 
     ends, counts = _divide_into_bays(style, wall, scale)
+    if counts:
+        widest = int(np.argmax(np.diff(ends)))
+        counts[widest] = max(1, counts[widest] + more_bays)
     blank, count = not counts, sum(counts) or 1
     wide = len(style.grid.columns) - 1
     source = _choose_tiles(style, wall, stack, count, plain, rng, blank=blank)
@@ -84,7 +89,7 @@ def compose_wall(
         widths = scale * np.diff(style.grid.columns)[source[1]].mean(axis=0)
         apart = max(BAYS.seam_margin_m, BAYS.seam_margin_texels * (texel_m or pixel))
         across = _move_off_seams(_fit_bays(widths, counts, ends), wall.seams, apart)
-    source = _insert_bare_rows(stack, source, np.array([3 * plain + 1, wide + 1]))
+    source = _insert_bare_rows(style, stack, source, plain)
     down = np.append(0.0, np.cumsum([height for wall_floor in stack for height in wall_floor.all_heights]))
     _blank_cells(style, wall, stack, source, down, across, plain, blank)
     ground = _floor_rows(stack)[-1]
@@ -199,12 +204,20 @@ def _floor_rows(stack: list[WallFloor]) -> list[slice]:
     return found
 
 
-def _insert_bare_rows(stack: list[WallFloor], source: Int32Array, bare: Int64Array) -> Int32Array:
-    """Insert the bare wall (2,) above and below floors into the rows of `source` (2, M, N), see `_blank_cells`."""
-    rows = _floor_rows(stack)
+def _insert_bare_rows(style: ExemplarAnalysis, stack: list[WallFloor], source: Int32Array, plain: int) -> Int32Array:
+    """Insert bare wall above and below floors into the rows of `source` (2, M, N), see `_blank_cells`.
+
+    It is the wall of the floor itself where that is bare beside its windows.
+    """
     whole = np.empty((2, sum(len(one.all_heights) for one in stack), source.shape[2]), source.dtype)
-    whole[:] = bare[:, None, None]
-    whole[:, np.concatenate([np.arange(own.start, own.stop) for own in rows])] = source
+    whole[1] = len(style.grid.columns)
+    row = 0
+    for wall_floor in stack:
+        beside = np.array([3 * wall_floor.exemplar_floor + 1])
+        is_bare = wall_floor.exemplar_floor >= 0 and _is_mostly_wall(style, beside, plain, BAYS.min_corner_wall_share)
+        end = row + len(wall_floor.all_heights)
+        whole[0, row:end], row = beside if is_bare else 3 * plain + 1, end
+    whole[:, np.concatenate([np.arange(own.start, own.stop) for own in _floor_rows(stack)])] = source
     return whole
 
 
@@ -235,7 +248,7 @@ def _divide_into_bays(style: ExemplarAnalysis, wall: FacadeWall, scale: float) -
     if wall.on_street:
         narrow = RETARGETING.window_stretch[0] * window + RETARGETING.pier_stretch[0] * max(bay - window, 0.0)
         for k, wide in enumerate(np.diff(ends).tolist()):
-            counts[k] = max(counts[k], min(math.ceil(wide / (window + BAYS.max_pier_m)), int(wide / narrow)))
+            counts[k] = max(counts[k], min(math.ceil(wide / (window + BAYS.max_pier_m)), round(wide / narrow)))
         if counts == [1] and wall.floors == 1 and wall.width >= 2 * (least + 2 * BAYS.window_margin_m):
             counts = [2]  # the door of a low house has a window beside it
     return ends, counts

@@ -74,21 +74,14 @@ def _find_corner_shop(labels: UInt8Array, scale: float, width: float) -> Span | 
     """Return the columns of the shop for a corner of a width in metres, from a ground floor's labels; None if none fits."""
     if width < ENTRANCES.min_corner_m or not (labels == FacadeClass.SHOP).any():
         return None
-    jamb = round(ENTRANCES.jamb_m / scale)
-    best: tuple[float, Span] | None = None
-    for left, right in spans_above_threshold(
-        np.isin(labels, (FacadeClass.SHOP, FacadeClass.DOOR)).any(axis=0).astype(float), 0.5
-    ):
+    jamb, best = round(ENTRANCES.jamb_m / scale), []
+    shown = np.isin(labels, (FacadeClass.SHOP, FacadeClass.DOOR)).any(axis=0).astype(float)
+    for left, right in spans_above_threshold(shown, 0.5):
         span = max(0, left - jamb), min(labels.shape[1], right + jamb)
-        if not (labels[:, slice(*span)] == FacadeClass.SHOP).any():
-            continue
-        off = abs(np.log(max(span[1] - span[0], 1) * scale / width))
-        if off > np.log(ENTRANCES.max_shop_stretch):
-            continue
-        cost = off - ENTRANCES.door_bonus * bool((labels[:, slice(*span)] == FacadeClass.DOOR).any())
-        if best is None or cost < best[0]:
-            best = cost, span
-    return None if best is None else best[1]
+        off, part = abs(np.log(max(span[1] - span[0], 1) * scale / width)), labels[:, slice(*span)]
+        if (part == FacadeClass.SHOP).any() and off <= np.log(ENTRANCES.max_shop_stretch):
+            best.append((off - ENTRANCES.door_bonus * bool((part == FacadeClass.DOOR).any()), span))
+    return min(best)[1] if best else None
 
 
 def choose_door_position(

@@ -114,7 +114,9 @@ def replace_ground_floor_by_windows(
     if found.ground_top > found.top:
         new_image, new_labels = _show_windows(image, labels, found, metres_per_pixel)
         found = replace(found, bottom=len(new_labels))
-    bay = len(found.bays) // 2
+    wide = np.diff(found.bays, axis=1)[:, 0]
+    is_pair = wide > GROUND_FLOOR.max_door_bay * np.median(wide)  # windows without a pier between them
+    bay = min(range(len(wide)), key=lambda number: (is_pair[number], abs(number - len(wide) // 2)))
     middle, half = sum(found.bays[bay]) // 2, round(ENTRANCES.door_size_m[0] / 2 / metres_per_pixel)
     columns = slice(max(found.bay_cuts[bay], middle - half), min(found.bay_cuts[bay + 1], middle + half))
     top = max(found.ground_top, found.bottom - round(ENTRANCES.door_size_m[1] / metres_per_pixel))
@@ -150,6 +152,8 @@ def _end_on_wall(
 ) -> tuple[UInt8Array, UInt8Array]:
     """Replace what is below the windows of a floor, such as cornices and corbels, by the wall beside them.
 
+    A balustrade along the floor goes too, with the windows behind it.
+
     Parameters
     ----------
     image, labels : the floor.
@@ -157,10 +161,14 @@ def _end_on_wall(
     """
     window = np.flatnonzero((labels == FacadeClass.WINDOW).any(axis=1))
     shown = np.flatnonzero(np.isin(labels, (FacadeClass.WINDOW, FacadeClass.BALCONY)).any(axis=1))
+    balcony = labels == FacadeClass.BALCONY
+    if (balustrade := balcony.mean(axis=1) > GROUND_FLOOR.min_balustrade_share).any():
+        shown = shown[shown < np.flatnonzero(balustrade)[0]]
     sill = round(GROUND_FLOOR.sill_m / metres_per_pixel)
-    if not len(window) or (missing := len(labels) - int(shown[-1]) - 1 - sill) <= 0:
+    if not (len(window) and len(shown)) or (missing := len(labels) - int(shown[-1]) - 1 - sill) <= 0:
         return image, labels
-    band, image, labels = slice(int(window[0]), int(window[-1]) + 1), image.copy(), labels.copy()
+    band = slice(int(window[0]), min(int(window[-1]), int(shown[-1])) + 1)
+    image, labels = image.copy(), labels.copy()
     wall = image[band].copy(), labels[band].copy()
     for left, right in pairwise(cuts):
         _clear_bay(*wall, slice(None), slice(left, right), round(ENTRANCES.door_margin_m / metres_per_pixel))

@@ -23,6 +23,7 @@ from facade_core.parsing.floor_structure import (
     fill_sky_and_unknown,
     find_floors_and_bays,
     floor_bay_lattice,
+    spans_above_threshold,
 )
 
 
@@ -143,10 +144,8 @@ def analyse_exemplar(image: UInt8Array, labels: UInt8Array) -> ExemplarAnalysis:
     rows = image[:, bay_cuts[0] : bay_cuts[-1]].transpose(1, 0, 2)
     floor_price = part_transition_costs(rows, labels.T, np.asarray(exemplar.floor_cuts))
     floor_price[:, 0] += RETARGETING.eaves_price
-    street = (labels[exemplar.ground_top :] == FacadeClass.DOOR).sum(0)
-    door_columns = np.flatnonzero(street > 0.25 * street.max()) if street.any() else np.array([], int)
-    pieces = np.split(door_columns, np.flatnonzero(np.diff(door_columns) > 1) + 1) if len(door_columns) else []
-    centres = np.array([piece.mean() for piece in pieces])
+    street = (labels[exemplar.ground_top :] == FacadeClass.DOOR).sum(0).astype(np.float64)
+    centres = [(first + end - 1) / 2 for first, end in spans_above_threshold(street, 0.25 * street.max())]
     doors = np.histogram(centres, bay_cuts)[0] > 0
     return ExemplarAnalysis(image, labels, exemplar, grid, floor_price, bay_price, doors)
 

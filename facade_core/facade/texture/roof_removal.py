@@ -48,10 +48,11 @@ def _count_foreign_rows(image: UInt8Array, labels: UInt8Array) -> int:
     found = find_floors_and_bays(labels)
     if found is None or len(found.floors) < 2:
         return 0
-    (top, _), (low, _) = found.floors[:2]
+    top, low = found.floors[0][0], min(found.floors[1][0], found.ground_top)
+    first = low if low < found.ground_top else top  # a single upper floor is compared with its own wall
     lab = cv2.cvtColor(image[: found.ground_top].astype(np.float32) / 255, cv2.COLOR_RGB2LAB)
     classes = labels[: found.ground_top]
-    below = lab[low:][classes[low:] == FacadeClass.WALL]
+    below = lab[first:][classes[first:] == FacadeClass.WALL]
     if not len(below):
         return 0
     is_shown = ~np.isin(classes, (FacadeClass.WINDOW, FacadeClass.BALCONY))

@@ -138,6 +138,8 @@ class GroundFloorSettings:
     free_tolerance_m : metres by which a ground floor may extend beyond the free part of its wall.
     max_gain, max_tint : largest factors by which another floor is lightened or darkened, and a colour of it beyond that.
     sill_m : height of the sill below windows, metres.
+    min_balustrade_share : share of the width of a plain ground floor from which balconies are a balustrade, and left out.
+    max_door_bay : width of the windows of the bay with its door, over that of others.
     """
 
     min_element_share: float = 0.12
@@ -156,6 +158,8 @@ class GroundFloorSettings:
     max_gain: float = 1.8
     max_tint: float = 1.15
     sill_m: float = 0.15
+    min_balustrade_share: float = 0.5
+    max_door_bay: float = 1.5
 
 
 GROUND_FLOOR = GroundFloorSettings()

@@ -6,6 +6,8 @@ border. Colour (the low band after a blur) cross-fades over the border.
 
 from __future__ import annotations
 
+import math
+
 import cv2
 import numpy as np
 
@@ -82,9 +84,16 @@ def _typical_scale(sizes: Int64Array, source_sizes: Float64Array) -> float:
 
 @njit(cache=True)
 def _exemplar_position(position: int, cell: int, source: Float64Array, borders: Int64Array, tile: int) -> float:
-    """Return the exemplar position, along one axis, of a position that a cell shows."""
-    step = (source[tile + 1] - source[tile]) / max(1, borders[cell + 1] - borders[cell])
-    exemplar_position: float = source[tile] + (position - borders[cell] + 0.5) * step
+    """Return the exemplar position, along one axis, of a position that a cell shows.
+
+    A tile that would be stretched more than threefold is repeated, every second time mirrored; a narrow one would show stripes.
+    """
+    size, wide = source[tile + 1] - source[tile], max(1, borders[cell + 1] - borders[cell])
+    share = (position - borders[cell] + 0.5) / wide
+    if wide > 3 * size and size >= 8:
+        share *= round(wide / size)
+        share = abs(share - 2 * math.floor((share + 1) / 2))
+    exemplar_position: float = source[tile] + share * size
     return exemplar_position
 
 

@@ -179,7 +179,7 @@ def _floor_borders(wall: FacadeWall, lines: Float64Array, has_ground_floor: bool
     inner = every[(every > wall.foot + FLOORS.min_floor_m) & (every < top - FLOORS.min_floor_m)]
     borders = np.concatenate([[wall.foot], inner, [top]])
     ground, upper = np.split(borders, [int(has_ground_floor and len(inner) > 0)])
-    if np.diff(upper).max() <= FLOORS.max_floor_stretch * max(pitch, float(usual.max())):
+    if np.diff(upper).max() <= FLOORS.max_floor_stretch * pitch:
         return borders
     count = max(1, min(round((top - upper[0]) / pitch), int((top - upper[0]) / FLOORS.min_floor_m)))
     return np.concatenate([ground, np.linspace(upper[0], top, count + 1)])

@@ -36,6 +36,7 @@ export const REMEDIES = {
   "foreign-parts": () => "Its texture shows people, cars, trees, sky or a neighbour. Hide them with view --edit, or add a photo without them.",
   "garbled-inpainting": () => "A large part is hidden in its pictures, and what was inpainted hardly looks like a facade. Add a photo that shows it.",
   "no-windows": () => "No window was found. If it has some, draw them with view --edit, or mark it as no facade.",
+  "implausible-layout": () => "Few real facades have windows and doors arranged like this. Choose another exemplar with view --edit, or add a photo.",
   "doubtful-cut": () => "Its outline in the photo is doubtful. Compare it with the rectified picture; take a photo that shows the whole wall.",
   "rejected-picture": ({ reason }) => `A picture of it was rejected${reason ? `: ${reason}` : "."} Correct that picture or its place, or remove it.`,
 };

@@ -21,6 +21,7 @@ class FacadeRecord(StoredFacadeRecord, total=False):
     before_digest : its digest.
     occluded : occluded share.
     masked : boxes of masked objects, pixels.
+    implausible : whether a wall from an exemplar has an implausible layout, as in `facade_core.facade.layout.settings`.
     foreign_share : as in `facade_core.facade.texture_faults`; none without pictures.
     doubtful_inpainting_m : radius of the largest circle that is inpainted throughout, times the doubt of the parse in the
         inpainted part, metres; none without pictures.
@@ -40,6 +41,7 @@ class FacadeRecord(StoredFacadeRecord, total=False):
     floors: int
     occluded: float
     masked: list[list[int]]
+    implausible: bool
     foreign_share: float
     doubtful_inpainting_m: float
     pictured_colour: list[float]

@@ -30,9 +30,11 @@ from facade_core.export.bodies.settings import element_depth
 from facade_core.facade.evidence import Evidence
 from facade_core.facade.exemplar import count_columns
 from facade_core.facade.facade import Facade
+from facade_core.facade.layout.settings import MIN_PLAUSIBLE_SCORE
 from facade_core.facade.photo_facade import MAX_HIDDEN_SHARE
 from facade_core.facade.texture_faults import inpainted_radius
 from facade_core.facade.variation.hierarchy import Hierarchy
+from facade_core.geometry.walls import WallRole
 from facade_core.imagery.detect.detection import detectors_available
 from facade_core.imagery.detect.signs import shop_names
 from facade_core.imagery.privacy import apply_privacy
@@ -173,7 +175,8 @@ def _write_rasters(
         "atlas/seed_evidence": evidence,
         "facade_maps/labels": result.labels.reshape(-1),
     }
-    if result.hierarchy is not None:  # of others there is no more to tell: nothing is kept twice
+    # of others there is no more to tell: nothing is kept twice
+    if plan.facades.role[facade] == WallRole.STREET or (result.provenance == Provenance.PHOTO).any():
         arrays |= {
             "facade_maps/evidence": shown.reshape(-1, 3),
             "facade_maps/occluded": result.occluded.reshape(-1),
@@ -234,6 +237,7 @@ def _summarize(result: Facade, texels_per_metre: float) -> dict[str, object]:
             round(float(share), 4)
             for share in np.bincount(result.provenance.reshape(-1), minlength=len(PROVENANCE)) / result.labels.size
         ],
+        "implausible": result.plausibility is not None and result.plausibility < MIN_PLAUSIBLE_SCORE,
         "layout_score": None if result.completion is None else round(float(result.completion.score), 4),
         **_measure_faults(result, texels_per_metre),
     } | ({} if result.hierarchy is None else count_variations(result.hierarchy))

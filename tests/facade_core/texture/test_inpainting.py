@@ -6,13 +6,14 @@ import pytest
 from PIL import Image
 
 from benchmarks.painter.facade import paint_facade as paint
+from benchmarks.papers.tile_inpainting import diffuse_difference
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Element
 from facade_core.facade.photo_facade import _inpaint_over_rim
 from facade_core.facade.texture.floor_inpainting import _forbid_foreign_rows, _roof_and_foot_rows
 from facade_core.facade.texture.inpainting import inpaint
-from facade_core.facade.texture.seams import diffuse_difference, find_min_error_path
+from facade_core.facade.texture.seams import find_min_error_path
 from facade_core.facade.texture.source_costs import UNUSABLE_PRICE
 from facade_core.facade.texture.window_completion import complete_windows
 

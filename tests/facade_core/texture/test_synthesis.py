@@ -78,6 +78,17 @@ def test_cells_without_width_do_not_smear_the_others():
     np.testing.assert_allclose(whole[:, 5:-5].astype(int), image[:, 6:-6], atol=1)
 
 
+def test_a_narrow_tile_is_repeated_instead_of_smeared():
+    """Bare wall of a pier fills the place of a bay with its own grain."""
+    image = np.random.default_rng(0).integers(0, 256, (40, 60, 3), dtype=np.uint8)
+    image = cv2.GaussianBlur(image, (0, 0), 1)
+    cells = np.array([0, 40]), np.array([0, 30, 90])
+    labels = np.zeros((40, 60), np.uint8)
+    wide, _ = compose_tiles(image, labels, Lattice((0, 40), (0, 30, 42, 60)), np.array([[0, 1]]), *cells)
+    np.testing.assert_allclose(wide[:, 54:66].astype(int), image[:, 30:42], atol=2)
+    np.testing.assert_allclose(wide[:, 66:78].astype(int), image[:, 41:29:-1], atol=2)
+
+
 def test_a_seam_adds_no_sliver_of_a_window_and_cuts_none():
     """The second floor is left out; windows end at its foot, so that a seam that moves up would show them."""
     image = np.random.default_rng(0).integers(0, 256, (60, 40, 3), dtype=np.uint8)

@@ -181,6 +181,8 @@ def fault_measures(**changes: float) -> dict[str, Any]:
         ({"floors": 5, "floors_low": 4, "floors_high": 6}, "height", "good"),
         ({"floors": 6, "floors_low": 5, "floors_high": 7}, "height", "floors-differ"),
         ({"floors": 5}, "height", "floors-differ"),
+        ({"implausible": True}, "height", "implausible-layout"),
+        ({"implausible": False}, "height", "good"),
         ({"reason": "a.jpg: shows another plane; textured from b.jpg"}, "height", "rejected-picture"),
         ({"cut_kept": 0.4, "cut_found": True, "stretched": 1.2}, "height", "good"),
         ({"cut_kept": 1.0, "cut_found": False, "stretched": 1.0}, "height", "doubtful-cut"),
