@@ -156,7 +156,7 @@ def attributions_in_usd(folder: Path) -> Iterable[str]:
 
 
 def names_in_glb(folder: Path) -> set[str]:
-    return {node["name"] for node in gltf(folder / "block.glb")["nodes"]} - {"ground"}
+    return {node["name"] for node in gltf(folder / "block.glb")["nodes"]} - {"ground", "neighbours"}
 
 
 def names_in_obj(folder: Path) -> set[str]:

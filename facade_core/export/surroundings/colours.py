@@ -26,7 +26,7 @@ def surrounding_colours(mesh: SurroundingMesh) -> Float64Array:
     colour[is_wall] = 0.88 * PLASTER_PALETTE[mesh.seed[is_wall] % len(PLASTER_PALETTE)]
     colour[is_roof] = _ROOF_PALETTE[mesh.seed[is_roof] // 7 % len(_ROOF_PALETTE)]
     is_stated = mesh.tint.any(axis=1)
-    colour[is_stated] = mesh.tint[is_stated]
+    colour[is_stated] = (colour[is_stated] + mesh.tint[is_stated]) / 2  # maps name pure colours: orange, red
     light = sky_light(mesh.normal) * (0.86 + 0.14 * np.clip(mesh.normal @ _TO_SUN, -1, 1))
     light[is_ground] = 1.0  # as the block's ground, whose texture has the light of the sky
     shaded: Float64Array = linear_colour(np.clip(colour, 0, 255)) * light[:, None]
