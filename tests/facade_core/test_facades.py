@@ -15,6 +15,7 @@ from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Building, IngestSettings, Roof, Street
 from facade_core.facade.texture.building_walls import compose_wall
 from facade_core.facade.texture.retargeting import ExemplarAnalysis, analyse_exemplar
+from facade_core.facade.texture.settings import FLOORS
 from facade_core.facade.texture.wall_floors import FacadeWall, stack_floors
 from facade_core.geometry.buildings.roof_shapes import build_shell_with_roof
 from facade_core.geometry.settings import FACADE_WALLS
@@ -233,6 +234,18 @@ def test_gables_and_narrow_walls(style: ExemplarAnalysis) -> None:
         style, FacadeWall(2.9, 16, 0, 16, 5, False, False, shapely.box(0, 0, 2.9, 16)), metres_per_pixel=MPP
     )[1]
     assert len(windows(fits)) == 5
+
+
+def test_bare_wall_above_a_low_storey_is_plain(style: ExemplarAnalysis) -> None:
+    waves = 0.25 * np.sin(np.arange(style.image.shape[0]) / 4) + 1
+    stained = analyse_exemplar(np.clip(waves[:, None, None] * style.image, 0, 255).astype(np.uint8), style.labels)
+    wall = FacadeWall.freestanding(5.9, 12.0, 1)
+    attic = stack_floors(stained, wall, MPP)[0][0].attic
+    assert attic > 0.5
+    image, labels = compose_wall(stained, wall, metres_per_pixel=MPP)
+    rows = slice(round(0.2 / MPP), round(attic / MPP))
+    assert (labels[rows] == FacadeClass.WALL).all()
+    assert np.ptp(image[rows].mean(axis=(1, 2))) < 2 * FLOORS.max_grain
 
 
 def test_storeys_meet_round_the_corners_and_are_of_a_storeys_height(plan: Plan, style: ExemplarAnalysis) -> None:

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from functools import lru_cache
 from itertools import pairwise
 
+import cv2
 import numpy as np
 import shapely
 from numpy.lib.stride_tricks import sliding_window_view
@@ -32,6 +33,7 @@ from facade_core.facade.texture.wall_floors import (
     shows_ground_floor,
     stack_floors,
 )
+from facade_core.facade.wall_material import lit_colour
 
 
 def compose_wall(
@@ -107,6 +109,7 @@ def compose_wall(
     lattice = Lattice(style.grid.rows, style.grid.columns + _bare_columns(style, plain))
     tiles = (source[0] * (wide + 2) + source[1]).astype(np.int32)
     image, labels = compose_tiles(style.image, style.labels, lattice, tiles, rows, columns, pixel / metres_per_pixel)
+    _even_out_bare_wall(stack, image, labels, rows, pixel)
     _paint_coping(wall, stack[0], image, pixel)
     if wall.is_corner and shows_ground_floor(style, stack[-1]):
         paint_corner_shop(style, image, labels, int(rows[ground.start]), scale, pixel)
@@ -148,6 +151,27 @@ def _choose_tiles(
             source[1, row : row + len(wall_floor.heights)] = (3 * bays[:, None] + np.arange(3)).ravel()
             row += len(wall_floor.heights)
     return source
+
+
+def _even_out_bare_wall(
+    stack: list[WallFloor], image: UInt8Array, labels: UInt8Array, rows: IntArray, pixel: float
+) -> None:
+    """Leave of the bare wall above floors its grain alone, in the colour of the wall below it, in place.
+
+    It repeats a narrow pier, whose shade and remains of ornament would repeat too.
+    """
+    for wall_floor, own in zip(stack, _floor_rows(stack), strict=True):
+        if wall_floor.attic == 0:
+            continue
+        band = slice(rows[own.start - 1], rows[own.start])
+        beside = slice(band.stop, (band.stop + int(rows[own.stop]) + 1) // 2)
+        wall = labels[beside] == FacadeClass.WALL
+        if band.start == band.stop or not wall.any():
+            continue
+        shown = image[band].astype(np.float32)
+        grain = shown - cv2.GaussianBlur(shown, (0, 0), FLOORS.grain_m / pixel)
+        plain = lit_colour(image[beside][wall]) + np.clip(grain, -FLOORS.max_grain, FLOORS.max_grain)
+        image[band], labels[band] = np.clip(np.rint(plain), 0, 255), FacadeClass.WALL
 
 
 def _paint_coping(wall: FacadeWall, highest: WallFloor, image: UInt8Array, pixel: float) -> None:

@@ -56,6 +56,7 @@ class FloorSettings:
     max_floor_stretch : largest stretch of a floor over the exemplar's; beyond it the rest is bare wall.
     max_window_stretch : largest stretch of its windows.
     coping_m, coping_light : height of the coping of a plain top, metres, and its light relative to the wall.
+    grain_m, max_grain : size of what is grain in bare wall, metres, and its largest difference in light.
     max_ground_floor_m : greatest height of a ground floor, metres.
     max_window_share, max_window_loss : largest share of a floor that its windows take, unless they would lose more of their
         height than `max_window_loss`, a share of it.
@@ -70,6 +71,8 @@ class FloorSettings:
     max_window_stretch: float = 1.1
     coping_m: float = 0.12
     coping_light: float = 0.6
+    grain_m: float = 0.1
+    max_grain: float = 8.0
     max_ground_floor_m: float = 6.0
     max_window_share: float = 0.75
     max_window_loss: float = 0.1

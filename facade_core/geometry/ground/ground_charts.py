@@ -81,7 +81,7 @@ def _corner_lines(parts: Sequence[Polygon]) -> _CornerLines:
     for axis, found in enumerate(lines):
         order = np.lexsort((points[:, 1 - axis], points[:, axis]))
         at, first = np.unique(points[order, axis], return_index=True)
-        found.update(zip(at.tolist(), np.split(points[order, 1 - axis], first[1:]), strict=True))
+        found.update(zip(at.tolist(), np.split(points[order, 1 - axis], first)[1:], strict=True))
     return lines
 
 
