@@ -40,8 +40,8 @@ PHOTO_METRES = (6.0, 40.0)
 QUALITY = 80
 
 
-def paint_exemplars(folder: Path) -> None:
-    """Paint the style library with its label images."""
+def paint_exemplars(folder: Path, count: int | None = None) -> None:
+    """Paint the style library, or its first `count` pictures, with its label images."""
     folder.mkdir(parents=True, exist_ok=True)
     paints = {
         f"perimeter-block-{place:02d}": partial(
@@ -60,7 +60,7 @@ def paint_exemplars(folder: Path) -> None:
         Image.fromarray(painted.labels).save(folder / f"{name}.labels.png", optimize=True)
 
     with ThreadPoolExecutor(2) as threads:
-        list(threads.map(paint, paints))
+        list(threads.map(paint, list(paints)[:count]))
 
 
 def paint_library_facade(facade: LibraryFacade, *, seed: int) -> PaintedFacade:

@@ -7,6 +7,7 @@ import json
 import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -113,7 +114,8 @@ class StaticPageWriter:
                 self._keep(f"{base}picture/before", id=facade["id"])
 
     def _fetch(self, path: str, **parameters: str) -> bytes:
-        answer = asyncio.run(_ask(self._application, path, parameters))
+        with ThreadPoolExecutor(1) as thread:  # the caller may have an event loop, as notebooks have
+            answer = thread.submit(asyncio.run, _ask(self._application, path, parameters)).result()
         if answer.status_code != 200:
             is_json = answer.headers["content-type"] == "application/json"
             raise InputError(f"{path}: {answer.json()['reason'] if is_json else answer.text}")

@@ -197,7 +197,8 @@ def write_3dtiles(
     from facade_core.export.models.encoders import MIPMAP_FACTOR, texture_encoder
     from facade_core.export.models.gltf_materials import material_texel_ratio
     from facade_core.export.models.textured_mesh import filter_triangles, mesh_y_up_frame
-    from facade_core.export.surroundings.gltf import SurroundingModel, write_surroundings_tile
+    from facade_core.export.surroundings.gltf import SurroundingModel
+    from facade_core.export.surroundings.tiles import write_surroundings_tile
     from facade_core.export.tiles.cells import build_quadtree
     from facade_core.export.tiles.far_shells import build_shells
     from facade_core.export.tiles.settings import TILE_CELLS

@@ -97,7 +97,7 @@ GOOD = {
     "buildings": [],
     "streets": [],
     "entrances": [],
-    "ground": {"MappedGround": [[], [], None]},
+    "ground": {"MappedGround": [[], [], None, []]},
     "exemplars": [],
     "photos": {"map": []},
     "panoramas": [],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,7 +24,6 @@ from facade_core.export.models.glb import encode_glb, quantise_directions
 from facade_core.export.models.textured_mesh import ModelFrame, to_y_up
 from facade_core.export.surroundings.colours import surrounding_colours
 from facade_core.export.surroundings.models import build_object_model
-from facade_core.export.tiles.tileset import BoundingVolume, Tile, bounding_box, box_corners, z_up_bounds
 
 INSTANCING = "EXT_mesh_gpu_instancing"
 QUANTISATION = "KHR_mesh_quantization"
@@ -193,26 +192,3 @@ def _material(is_unlit: bool) -> JsonObject:
     surface = {"baseColorFactor": [1.0, 1.0, 1.0, 1.0], "metallicFactor": 0.0, "roughnessFactor": 1.0}
     material: JsonObject = {"name": "surroundings", "pbrMetallicRoughness": surface}
     return material | ({"extensions": {UNLIT: {}}} if is_unlit else {})
-
-
-def write_surroundings_tile(
-    root: Tile, model: SurroundingModel, copyright: str, write: Callable[[str, bytes], None]
-) -> None:
-    """Write the model of surroundings, if any, and add its tile to the root of a tileset.
-
-    Parameters
-    ----------
-    root : root tile; its box grows.
-    model : the surroundings in the frame of the tileset.
-    copyright : attribution.
-    write : receives the path, relative to the tileset, and the bytes of a file.
-    """
-    if model.is_empty:
-        return
-    uri = "tiles/surroundings.glb"
-    write(uri, encode_surroundings_glb(model, {}, copyright))
-    corners = np.stack(np.meshgrid(*surrounding_bounds(model).T, indexing="ij"), axis=-1).reshape(-1, 3)
-    bounds = z_up_bounds([model.frame.points(corners)])
-    volume: BoundingVolume = {"box": bounding_box(bounds)}
-    root["boundingVolume"] = {"box": bounding_box(np.concatenate([box_corners(root), bounds]))}
-    root.setdefault("children", []).append({"boundingVolume": volume, "geometricError": 0.0, "content": {"uri": uri}})

@@ -118,7 +118,7 @@ def compute_pictures(inputs: PictureInputs) -> ReportPictures:
 def _draw_view(inputs: PictureInputs, camera: PerspectiveCamera) -> ReportPictures:
     """Draw a view as JPEG from the pages that it shows, or from coarse rasters of tiles if these are too many."""
     plan, group = inputs.objects.plan, inputs.charts.store
-    around = _surrounding_view(inputs.objects.run)
+    around = _surrounding_view(inputs.objects.run, inputs.around)
     picture = cast_smooth_view(plan.scene, camera, samples=BLOCK_VIEWS.samples_per_pixel_side, around=around)
     own = plan.in_core[picture.visible_charts]
     pages = np.unique(plan.scene.placement.page[picture.visible_charts[own]])
@@ -129,7 +129,7 @@ def _draw_view(inputs: PictureInputs, camera: PerspectiveCamera) -> ReportPictur
 
 
 @lru_cache(maxsize=1)
-def _surrounding_view(run: Run) -> SurroundingView:
+def _surrounding_view(run: Run, _digest: str) -> SurroundingView:
     plan = load_run_plan(run)
     return SurroundingView(plan.objects, plan.surroundings)
 
