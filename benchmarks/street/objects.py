@@ -32,7 +32,7 @@ def measure(path: Path) -> dict[str, Any]:
     inputs = BlockInputs(block.buildings, block.streets, block.storey, block.ground, block.terrain)
     layout = build_scene_layout(inputs, block.texture)
     scene = layout.scene
-    footprints = [building.footprint for building in block.buildings]
+    footprints = [building.footprint for building in (*block.buildings, *block.neighbours) if not building.raised]
     start = time.perf_counter()
     placed = place_objects(layout.ground, footprints, scene.charts, scene.mesh, layout.in_core)
     seconds = time.perf_counter() - start

@@ -125,9 +125,8 @@ def build_block_ground(
         tags = feature.tags
         if geometry is None or _is_hidden(tags) or not _is_usable(geometry):
             continue
-        if found := build_ground_objects(id, geometry, tags, around):
-            objects += found
-        elif geometry.geom_type == "Point":
+        objects += build_ground_objects(id, geometry, tags, around)
+        if geometry.geom_type == "Point":
             if tags.get("highway") == "crossing" and _is_marked(tags) and around.contains(geometry):
                 nodes.append((id, geometry))
         elif (surface := ground_surface_class(geometry, tags)) is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -46,7 +47,7 @@ def build_ground_objects(
         return []
     if kind.is_joined and "Polygon" in geometry.geom_type and tags.get("area") != "yes":
         geometry = geometry.boundary
-    within = shapely.force_2d(shapely.intersection(geometry, around))
+    within = shapely.force_2d(shapely.intersection(shapely.make_valid(geometry), around))
     within = shapely.get_parts(shapely.line_merge(within) if "Line" in within.geom_type else within)
     parts = [part for part in within.tolist() if not part.is_empty]
     height, width = (parse_length(tags.get(key, "")) or 0.0 for key in ("height", "width"))
@@ -73,9 +74,10 @@ def _parse_direction(text: str) -> float | None:
     """Return the degrees clockwise from north of a direction in degrees or as a point of the compass."""
     text = text.strip().upper().removesuffix("°")
     try:
-        return float(text) % 360
+        degrees = float(text)
     except ValueError:
         return _DEGREES_BY_WORD.get(text)
+    return degrees % 360 if math.isfinite(degrees) else None
 
 
 def find_neighbours(
@@ -97,7 +99,7 @@ def find_neighbours(
     """
     if area is None:
         return ()
-    wide = area.buffer(NEIGHBOUR_DISTANCE_M, join_style="mitre")
+    wide = area.buffer(NEIGHBOUR_DISTANCE_M, quad_segs=2)
     found = assemble_buildings(sources, crs, area=wide, floor_height=floor_height).items
     ids = {building.id for building in buildings}
     own = shapely.STRtree([building.footprint for building in buildings])

@@ -218,6 +218,7 @@ def complete_plan(
         [(camera.id, chart) for camera, row in zip(cameras, seen, strict=True) for chart in row], np.int32
     ).reshape(-1, 2)
     footprints = [building.footprint for building in buildings]
+    walled = [*footprints, *(one.footprint for one in inputs.neighbours if not one.raised)]
     textured = np.zeros(len(charts), bool)
     textured[mesh.chart[mesh.texture >= 0]] = True
     textured &= owned
@@ -241,7 +242,7 @@ def complete_plan(
         view_digests=tuple(looks.digests[row] for row in rows),
         in_core=owned,
         street_density=scene.placement.texels_per_metre,
-        objects=place_objects(ground, footprints, charts, mesh, owned),
+        objects=place_objects(ground, walled, charts, mesh, owned),
         surroundings=build_surroundings(inputs.neighbours, ground, (charts, mesh), footprints, layout.terrain),
     )
     poses = fill_pose_heights(inputs.poses, layout.terrain, settings.viewpoint_height)

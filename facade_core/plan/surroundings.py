@@ -78,7 +78,7 @@ def build_surroundings(
         finish = building.finish
         pieces.note_new(hash_name(building.id), finish.wall_colour or NO_TINT, finish.roof_colour or NO_TINT, 0)
     covered = _covered_ground(*block, footprints)
-    around = covered.convex_hull.buffer(SURROUNDINGS.distance_m, join_style="mitre")
+    around = covered.convex_hull.buffer(SURROUNDINGS.distance_m, join_style="mitre", mitre_limit=1.5)
     free = around.difference(shapely.union_all([covered, *(one.footprint for one in neighbours if not one.raised)]))
     for surface, part in _split_by_surface(ground, free):
         polygons = [one for one in shapely.get_parts(part) if one.geom_type == "Polygon" and one.area > 1.0]

@@ -38,7 +38,9 @@ if TYPE_CHECKING:
 
 _BUILDING_LAYERS = ("building", "pand", "footprint", "gebaeude", "gebäude", "batiment", "multipolygon")
 # Columns of ground layers, and tags of ground features.
-_GROUND_COLUMNS = frozenset(("highway", "railway", "waterway", "place", "man_made", "area_highway", *CLASS_COLUMNS))
+_GROUND_COLUMNS = frozenset(
+    ("highway", "railway", "waterway", "place", "man_made", "area_highway", "barrier", *CLASS_COLUMNS)
+)
 _GROUND_TAGS = frozenset(
     (
         "highway", "railway", "natural", "leisure", "landuse", "waterway", "place", "amenity", "area:highway", "man_made",

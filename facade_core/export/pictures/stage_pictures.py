@@ -108,7 +108,7 @@ def iterate_stage_pictures(facade: StoredFacade) -> Iterator[StagePicture]:
         return
     hidden = bool(facade.occlusion_mask.any())
     photo = hidden or (record.get("provenance") or [0])[-1] > 0
-    exemplar = Path(record["source"] or "").stem
+    exemplar = Path((record["source"] or "").split(", ")[0]).stem  # the second is of its ground floor
     if exemplar in facade.exemplars:
         image = f"{facade.exemplars[exemplar]}/image"
         yield StagePicture(lambda: np.asarray(facade.group[image]), StageTitle("source", "Exemplar it is made from"))

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+import geopandas as gpd
 import pytest
 import shapely
 from pyproj import CRS
@@ -11,6 +14,7 @@ from catalogs.block.ground import build_block_ground
 from catalogs.buildings.surroundings import build_ground_objects, select_objects
 from catalogs.features import CentrelinesAndGround, GroundFeature
 from catalogs.readers.vectors.ground_classes import osm_ground_tags
+from catalogs.readers.vectors.vector_files import read_vector_ground
 from facade_core.core.types import MappedGround
 
 AROUND = shapely.box(0, 0, 100, 100)
@@ -47,6 +51,25 @@ def test_objects_of_other_maps_are_known_by_their_words() -> None:
     utm = CRS("EPSG:32635")
     ground = build_block_ground([CentrelinesAndGround(None, (), ground=features)], utm, AROUND, None)
     assert [one.kind for one in ground.objects] == ["tree"]
+
+
+def test_a_crossed_outline_and_an_odd_direction_are_no_fault() -> None:
+    crossed = shapely.Polygon([(1, 1), (5, 4), (5, 1), (1, 4)])
+    assert build_ground_objects("w", crossed, {"amenity": "parking_space"}, AROUND)
+    for odd in ("nan", "inf", "1e400", "both"):
+        (bench,) = build_ground_objects("n", Point(5, 5), {"amenity": "bench", "direction": odd}, AROUND)
+        assert bench.direction is None
+
+
+def test_a_fenced_pitch_is_a_pitch_with_a_fence(tmp_path: Path) -> None:
+    tags = {"leisure": "pitch", "barrier": "fence"}
+    features = (GroundFeature("w", shapely.box(10, 10, 40, 30), tags),)
+    ground = build_block_ground([CentrelinesAndGround(None, (), ground=features)], CRS("EPSG:32635"), AROUND, None)
+    assert ([one.id for one in ground.areas], [one.kind for one in ground.objects]) == (["w"], ["fence"])
+    frame = gpd.GeoDataFrame({"barrier": ["fence"]}, geometry=[LineString([(1, 1), (9, 1)])], crs="EPSG:32635")
+    frame.to_file(tmp_path / "lines.gpkg")
+    (fence,) = read_vector_ground(tmp_path / "lines.gpkg").ground
+    assert fence.tags["barrier"] == "fence"
 
 
 def test_props_off_leaves_objects_out() -> None:
