@@ -45,7 +45,8 @@ def build_ground_objects(
     kind = stated_object_kind(tags)
     if kind is None or tags.get("building", "") not in _OPEN_BUILDINGS:
         return []
-    if kind.is_joined and "Polygon" in geometry.geom_type and tags.get("area") != "yes":
+    is_line = kind.is_joined or tags.get("natural") == "tree_row"
+    if is_line and "Polygon" in geometry.geom_type and tags.get("area") != "yes":
         geometry = geometry.boundary
     within = shapely.force_2d(shapely.intersection(shapely.make_valid(geometry), around))
     within = shapely.get_parts(shapely.line_merge(within) if "Line" in within.geom_type else within)

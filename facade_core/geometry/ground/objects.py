@@ -116,11 +116,12 @@ def standing_areas(placed: PlacedObjects) -> list[Polygon]:
 
 
 class _FreeGround:
-    """Ground between walls and carriageways."""
+    """Ground between walls, carriageways and tracks of trams."""
 
     def __init__(self, ways: Sequence[GroundWay], footprints: Sequence[Polygon | MultiPolygon]) -> None:
         carriageway, _ = join_carriageways([way for way in ways if way.kind == "road"])
-        self._parts = np.array([*footprints, *shapely.get_parts(carriageway)], object)
+        tracks = [way.line.buffer(way.width / 2) for way in ways if way.kind == "tram"]
+        self._parts = np.array([*footprints, *shapely.get_parts(carriageway), *tracks], object)
         self._tree = shapely.STRtree(self._parts)
         self._walls = shapely.STRtree(list(footprints))
 

@@ -85,7 +85,7 @@ export class Tiles {
     tiles.setCamera(stage.camera);
     stage.scene.add(tiles.group);
     for (const change of ["needs-update", "load-model", "tile-visibility-change"]) tiles.addEventListener(change, () => { this.renewed = true; this.told(); });
-    tiles.addEventListener("load-root-tileset", () => { tiles.group.updateMatrixWorld(); tiles.getBoundingBox(block.box); block.box.applyMatrix4(tiles.group.matrixWorld); this.surround(block, loader); });
+    tiles.addEventListener("load-root-tileset", () => { tiles.group.updateMatrixWorld(); tiles.getBoundingBox(block.box); block.box.applyMatrix4(tiles.group.matrixWorld); this.surround(block, loader).catch((error) => { this.failed = error.message; this.told(); }); });
     tiles.addEventListener("load-model", ({ scene }) => this.shaded && this.paint(scene, block));
     tiles.addEventListener("load-error", ({ error }) => { this.failed = error.message; setTimeout(() => { this.failed = ""; tiles.resetFailedTiles(); this.told(); }, AGAIN_MS); });
     Object.assign(block, { tiles, region });
@@ -96,6 +96,7 @@ export class Tiles {
     const name = tiles.rootTileset.asset.extras?.surroundings;
     if (!name) return;
     const { scene } = await loader.loadAsync(new URL(`${blockBase(number, this.city.single)}tiles/${published}/${name}`, location.href).href);
+    if (this.blocks.get(number)?.tiles !== tiles) return; // another was published meanwhile
     scene.rotation.x = Math.PI / 2;
     scene.position.set(...scene.userData.origin);
     scene.traverse((mesh) => {

@@ -23,11 +23,14 @@ HOUSE = shapely.box(-20, 8, 20, 20)
 SLOPE = Terrain(-60.0, -60.0, 120.0, np.array([[0.0, 12.0], [0.0, 12.0]]))
 
 
+TRAM = GroundWay("t", LineString([(-50, -10), (50, -10)]), "tram", 1.435, "asphalt")
+
+
 def place(*objects: GroundObject) -> PlacedObjects:
     pieces = ChartBuilder()
     add_ground_charts(pieces, [shapely.box(-50, -30, 50, 30).difference(HOUSE)], SLOPE, 32.0)
     charts, mesh = pieces.build()
-    return place_objects(MappedGround((ROAD,), objects=objects), [HOUSE], charts, mesh, np.ones(len(charts), bool))
+    return place_objects(MappedGround((ROAD, TRAM), objects=objects), [HOUSE], charts, mesh, np.ones(len(charts), bool))
 
 
 def test_nothing_stands_in_a_wall_or_on_a_carriageway() -> None:
@@ -41,6 +44,7 @@ def test_nothing_stands_in_a_wall_or_on_a_carriageway() -> None:
     carriageway, _ = join_carriageways([ROAD])
     assert not shapely.intersects(areas, HOUSE).any()
     assert not shapely.intersects(areas, carriageway).any()
+    assert not shapely.intersects(areas, TRAM.line).any()
     assert set(placed.counts()) == {*kinds, "fence", "hedge"}
     trees = np.isin(placed.kind, [0, 1])
     gaps = shapely.distance(shapely.points(placed.position[trees, :2]), HOUSE)
