@@ -197,8 +197,6 @@ def write_3dtiles(
     from facade_core.export.models.encoders import MIPMAP_FACTOR, texture_encoder
     from facade_core.export.models.gltf_materials import material_texel_ratio
     from facade_core.export.models.textured_mesh import filter_triangles, mesh_y_up_frame
-    from facade_core.export.surroundings.gltf import SurroundingModel
-    from facade_core.export.surroundings.tiles import write_surroundings_tile
     from facade_core.export.tiles.cells import build_quadtree
     from facade_core.export.tiles.far_shells import build_shells
     from facade_core.export.tiles.settings import TILE_CELLS
@@ -250,11 +248,6 @@ def write_3dtiles(
         extras=extras,
         attribution=results.attribution,
     )
-    if len(append_ground_index(results, buildings)) > len(buildings):
-        around = SurroundingModel(
-            results.plan.objects, results.plan.surroundings, frame, source.maps is None, is_instanced=True
-        )
-        write_surroundings_tile(tiled.tilesets["tileset.json"]["root"], around, results.attribution.line, write)
     for name, value in tiled.tilesets.items():
         (folder / name).write_text(json.dumps(value, indent=1, allow_nan=False) + "\n")
     texel_factor = material_texel_ratio(source.maps is not None, time)

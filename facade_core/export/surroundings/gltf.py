@@ -162,16 +162,6 @@ def encode_surroundings_glb(model: SurroundingModel, extras: Mapping[str, object
     return encode_glb((), (), extras=extras, copyright=copyright, append=model.append)
 
 
-def surrounding_bounds(model: SurroundingModel) -> Float64Array:
-    """Return the bounds (2, 3) of surroundings, world metres; arms and crowns of objects may reach to any side."""
-    placed = model.placed
-    reach = np.hypot(placed.size[:, 0], placed.size[:, 1])
-    low = placed.position - np.column_stack([reach, reach, np.zeros(len(placed))])
-    high = placed.position + np.column_stack([reach, reach, 1.1 * placed.size[:, 2]])
-    every = np.concatenate([low, high, model.around.vertices])
-    return np.stack([every.min(axis=0), every.max(axis=0)])
-
-
 def _rows(transforms: InstanceTransforms) -> list[dict[str, Float64Array]]:
     parts = (("translation", 3), ("rotation", 6), ("scale", 4))
     rounded = {name: np.round(getattr(transforms, name), digits) for name, digits in parts}
