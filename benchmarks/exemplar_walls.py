@@ -3,10 +3,10 @@
     python -m benchmarks.exemplar_walls BLOCK.yaml --prepared FOLDER --sheet FILE [--pick N]
 
 Shows walls at one scale: at most SHEET_WALLS, at least MIN_WIDTH_M wide, spread evenly over the block, and none that a
-neighbour covers by more than half. Covered parts, and what is below a wall over a lower roof, are grey. Their exemplars
-follow, as prepared. Nothing of the block but these walls is made. --prepared keeps the prepared exemplars for a next time.
---pick takes N of the block's exemplars evenly, without every fifth, as ECP and CMP are held out of training. Prints each
-wall with its exemplar and the exemplar whose ground floor it shows.
+neighbour covers by more than half. Parts behind a neighbour, and below a wall that stands over a lower roof, are grey.
+Exemplars follow, as prepared. Nothing of the block but these walls is made. --prepared keeps the prepared exemplars for a
+next time. --pick takes N of the block's exemplars evenly, without every fifth, as ECP and CMP are held out of training.
+Prints each wall with its exemplar and the exemplar whose ground floor it shows.
 """
 
 from __future__ import annotations
@@ -42,16 +42,15 @@ from tasks.stages.facades.exemplar_choices import choose_building_exemplars, exe
 from tasks.stages.facades.exemplar_facades import read_with_ground_floor
 from tasks.stages.facades.imagery import ChosenExemplar
 from tasks.stages.ingest.planning import make_plan
+from training.datasets.facades import split_facades_for_training
 
 SHEET_WALLS, MIN_WIDTH_M, MIN_FREE_SHARE, COVERED_MARGIN_M, GREY = 40, 4.0, 0.5, 0.25, 225
-# As in `training.datasets.facades.split_facades_for_training`.
-HELD_OUT_EVERY = 5
 PIXELS_PER_METRE, SHEET_PX, GAP_PX = 16, 1900, 12
 
 
 def pick_exemplars(block: Block, count: int) -> Block:
     """Return a block with some of its exemplars, evenly, and none of a held-out fold."""
-    known = [path for number, path in enumerate(block.exemplars) if number % HELD_OUT_EVERY]
+    known, _ = split_facades_for_training(block.exemplars)
     places = np.linspace(0, len(known) - 1, count).round().astype(int).tolist()
     return replace(block, exemplars=tuple(known[place] for place in places))
 

@@ -55,7 +55,7 @@ class Table:
     name : name of the group.
     columns : columns of the table.
     attributes : names of the group's attributes besides `crs`.
-    is_optional : the group may be missing, for a table without rows.
+    is_optional : the group may be missing.
     """
 
     name: str
@@ -86,14 +86,6 @@ class Table:
             if column.name in values
         }
         return xr.Dataset(variables, attrs={**attributes, "crs": crs})
-
-    def empty_columns(self) -> TableValues:
-        """Return the columns of no rows, of a table without attributes."""
-        sizes = dict.fromkeys(("xyz", "along_deep_high", "rgb", "corner"), 3)
-        return {
-            column.name: () if column.dtype == TEXT else np.zeros([sizes.get(d, 0) for d in column.dims], column.dtype)
-            for column in self.columns
-        }
 
     def read_columns(self, dataset: xr.Dataset) -> TableValues:
         """Return the columns' values (rows, ...) and the table's attributes by name.

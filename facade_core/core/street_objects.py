@@ -24,12 +24,12 @@ class Facing(StrEnum):
 
 @dataclass(frozen=True)
 class ObjectKind:
-    """Kind of object that stands on the ground.
+    """Kind of street object.
 
     Attributes
     ----------
     name : name in the catalogue, and of its model.
-    tags : OpenStreetMap tags (key, value), any of which states it.
+    tags : OpenStreetMap tags (key, value); one of them is enough.
     also : tag (key, value) that it must have too; None without.
     size : usual length along its front, depth and height of its model, metres.
     facing : what its front faces.
@@ -37,7 +37,7 @@ class ObjectKind:
     spacing_m : distance along a mapped line; 0 where a line or an outline states one object in its middle.
     is_joined : pieces along a line are stretched to meet each other.
     foot_m : radius that keeps clear of walls and carriageways.
-    is_overhanging : the foot alone stands on the ground; the rest is overhead.
+    is_overhanging : only the foot takes room on the ground, as of trees and lamps.
     variants : number of models.
     """
 

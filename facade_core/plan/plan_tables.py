@@ -15,8 +15,8 @@ from facade_core.atlas.table_schema import TABLES, TableValues
 from facade_core.core.arrays import Float64Array
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.lens_projection import LENS_VALUES, lens_from_values, lens_values
-from facade_core.core.street_objects import OBJECT_KIND_NAMES, PlacedObjects
-from facade_core.core.surrounding_mesh import SurroundingMesh
+from facade_core.core.street_objects import NO_OBJECTS, OBJECT_KIND_NAMES, PlacedObjects
+from facade_core.core.surrounding_mesh import NO_SURROUNDINGS, SurroundingMesh
 from facade_core.core.types import Building, BuildingFinish, GroundArea, GroundWay, MappedGround, Pose, Street
 from facade_core.geometry.chart_packing import ChartPlacements
 from facade_core.geometry.charts import Charts, Mesh
@@ -45,8 +45,10 @@ def write_plan(session: icechunk.Session, plan: Plan, buildings: Sequence[Buildi
 
 def read_plan(session: icechunk.Session) -> Plan:
     """Read the plan, with the density of the atlas."""
-    density = float(open_root(session)["atlas"].attrs["texels_per_metre"])
-    return _plan_from_tables({name: read_table(session, name) for name in TABLES}, density)
+    root = open_root(session)
+    stored = [name for name, table in TABLES.items() if name in root or not table.is_optional]
+    density = float(root["atlas"].attrs["texels_per_metre"])
+    return _plan_from_tables({name: read_table(session, name) for name in stored}, density)
 
 
 def read_facades(session: icechunk.Session) -> Facades:
@@ -56,10 +58,7 @@ def read_facades(session: icechunk.Session) -> Facades:
 
 def read_table(session: icechunk.Session, name: str) -> TableValues:
     """Read the columns (rows, ...) and attributes of one of TABLES; strings as str."""
-    table = TABLES[name]
-    if table.is_optional and name not in open_root(session):
-        return table.empty_columns()
-    return table.read_columns(open_table(session, name).load())
+    return TABLES[name].read_columns(open_table(session, name).load())
 
 
 def placement_from_table(charts: TableValues) -> ChartPlacements:
@@ -253,8 +252,10 @@ def _plan_from_tables(tables: Mapping[str, TableValues], texels_per_metre: float
         view_digests=cameras["look"],
         in_core=charts["own"],
         street_density=charts.get("street_texels_per_metre", placement.texels_per_metre),
-        objects=_objects_from_table(tables["objects"]),
-        surroundings=_from_columns(SurroundingMesh, tables["surroundings"]),
+        objects=_objects_from_table(tables["objects"]) if "objects" in tables else NO_OBJECTS,
+        surroundings=_from_columns(SurroundingMesh, tables["surroundings"])
+        if "surroundings" in tables
+        else NO_SURROUNDINGS,
     )
 
 

@@ -157,19 +157,18 @@ def write_block_model(
     if sum(entry.record["bytes"] for entry in tiles) > MAX_MODEL_BYTES:
         return False
     extras = _model_extras(block)
-    around = _encode_surroundings(block, attribution, is_instanced=False)
     source_key = unit_key(
         stage_code_digest("publish"),
         extras,
         attribution.line,
         [entry.record["digest"] for entry in tiles],
-        digest_stored_file(around),
+        block.plan.surroundings_digest,
     )
 
     def write(file: Path) -> None:
         with tempfile.TemporaryDirectory() as folder:
             parts = [read_glb_file_header(entry.file) for entry in tiles]
-            if around:
+            if around := _encode_surroundings(block, attribution, is_instanced=False):
                 (nodes := Path(folder) / "surroundings.glb").write_bytes(around)
                 parts.append(read_glb_file_header(nodes))
             merge_glbs(file, parts, extras["origin"], extras={"crs": extras["crs"]}, copyright=attribution.line)

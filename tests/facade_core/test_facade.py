@@ -200,7 +200,7 @@ def test_a_street_wall_takes_the_number_of_bays_of_which_the_scores_are_best(mon
     assert usual.plausibility is not None
     assert usual.plausibility > MIN_PLAUSIBLE_SCORE
 
-    def count_columns_of(facade: Facade) -> int:
+    def count_window_columns(facade: Facade) -> int:
         return max(
             sum(e.label == "window" and abs(e.y0 - other.y0) < 4 for e in facade.elements) for other in facade.elements
         )
@@ -210,7 +210,7 @@ def test_a_street_wall_takes_the_number_of_bays_of_which_the_scores_are_best(mon
 
     monkeypatch.setattr("facade_core.facade.exemplar_facade.score", prefer_more)
     more = build_facade_from_exemplar(style, wall, (216, 200), seed=3)
-    assert count_columns_of(more) == count_columns_of(usual) + 1
+    assert count_window_columns(more) == count_window_columns(usual) + 1
     back = build_facade_from_exemplar(style, replace(wall, on_street=False, is_back=True), (216, 200), seed=3)
     assert back.hierarchy is not None
     assert len(back.hierarchy.levels) >= 1

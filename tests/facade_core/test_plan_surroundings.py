@@ -28,7 +28,7 @@ def surroundings(*neighbours: Building):  # type: ignore[no-untyped-def]
     return build_surroundings(neighbours, MappedGround(areas=(LAWN,)), pieces.build(), [], LEVEL)
 
 
-def area_of(mesh, material: int) -> float:  # type: ignore[no-untyped-def]
+def material_area(mesh, material: int) -> float:  # type: ignore[no-untyped-def]
     corners = mesh.vertices[mesh.triangles[mesh.material[mesh.triangles[:, 0]] == material]][..., :2]
     return float(shapely.area(shapely.polygons(corners)).sum())
 
@@ -36,9 +36,9 @@ def area_of(mesh, material: int) -> float:  # type: ignore[no-untyped-def]
 def test_the_ground_goes_on_around_the_block_and_the_neighbours() -> None:
     mesh = surroundings(NEIGHBOUR)
     ring = BLOCK.buffer(SURROUNDINGS.distance_m, join_style="mitre").area - BLOCK.area - NEIGHBOUR.footprint.area
-    assert abs(sum(area_of(mesh, k) for k in range(len(SURFACES))) - ring) < 1.0
-    assert abs(area_of(mesh, SURFACES.index("grass")) - LAWN.outline.area) < 1.0
-    assert abs(area_of(mesh, SurroundingMaterial.ROOF) - 400.0) < 1.0
+    assert abs(sum(material_area(mesh, k) for k in range(len(SURFACES))) - ring) < 1.0
+    assert abs(material_area(mesh, SURFACES.index("grass")) - LAWN.outline.area) < 1.0
+    assert abs(material_area(mesh, SurroundingMaterial.ROOF) - 400.0) < 1.0
     walls = mesh.vertices[mesh.material == SurroundingMaterial.WALL]
     assert (walls[:, 2].min(), walls[:, 2].max()) == (2.0, 14.0)
 
@@ -49,8 +49,8 @@ def test_ground_of_a_surface_that_is_a_sliver_is_left_out_on_a_slope() -> None:
     add_ground_charts(pieces, [BLOCK], slope, 32.0)
     sliver = GroundArea("s", shapely.multipolygons([shapely.box(-50, 60, 50, 60.005)]), "grass")
     mesh = build_surroundings([NEIGHBOUR], MappedGround(areas=(sliver,)), pieces.build(), [], slope)
-    assert area_of(mesh, SURFACES.index("grass")) == 0
-    assert area_of(mesh, SURFACES.index("slabs")) > BLOCK.area
+    assert material_area(mesh, SURFACES.index("grass")) == 0
+    assert material_area(mesh, SURFACES.index("slabs")) > BLOCK.area
 
 
 def test_stated_colours_are_shown_and_without_neighbours_there_is_nothing() -> None:

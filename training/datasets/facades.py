@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -16,6 +17,8 @@ from facade_core.core.errors import ImageError, InputError
 from facade_core.core.json_types import JsonObject
 from facade_core.core.labels import CLASSES, UNKNOWN, FacadeClass
 from facade_core.core.regular_files import MAX_TEXT_BYTES
+
+T = TypeVar("T")
 
 # Bit mask of a pixel that may be of any class.
 ANY_CLASS = (1 << len(CLASSES)) - 1
@@ -243,9 +246,7 @@ def read_dataset(recipe: DatasetRecipe, folder: str | Path) -> Iterator[Labelled
         yield LabelledFacade(name, image, *_map_labels(recipe, labels[name], label_map, image.shape[:2]))
 
 
-def split_facades_for_training(
-    facades: Sequence[LabelledFacade], every: int = 5
-) -> tuple[list[LabelledFacade], list[LabelledFacade]]:
+def split_facades_for_training(facades: Sequence[T], every: int = 5) -> tuple[list[T], list[T]]:
     """Split facades into (training, held out): every fifth is held out from the first on."""
     held_out = list(facades[::every])
     return [facade for index, facade in enumerate(facades) if index % every], held_out

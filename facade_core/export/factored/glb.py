@@ -8,12 +8,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from facade_core.core.arrays import Float64Array, FloatArray, IntArray
-from facade_core.export.models.buffers import ELEMENT_ARRAY_BUFFER, FLOAT, UNSIGNED_INT, UNSIGNED_SHORT, GlbBuffer
+from facade_core.export.models.buffers import (
+    ELEMENT_ARRAY_BUFFER,
+    FLOAT,
+    MAX_UNSIGNED_SHORT,
+    UNSIGNED_INT,
+    UNSIGNED_SHORT,
+    GlbBuffer,
+)
 from facade_core.export.models.encoders import TextureEncoder
 from facade_core.export.models.features import FEATURE_ID_LABELS, FeatureTable, add_feature_ids
 from facade_core.export.models.glb import SAMPLERS, pack_glb
 from facade_core.export.models.gltf_materials import MaterialTextures, build_gltf_materials
-from facade_core.export.tiles.tile_glb import MAX_UNSIGNED_SHORT
 
 # glTF wrapping mode REPEAT.
 REPEAT_WRAP = 10497

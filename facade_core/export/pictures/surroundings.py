@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int32Array, UInt8Array
+from facade_core.core.linear_light import linear_to_srgb
 from facade_core.core.street_objects import PlacedObjects
 from facade_core.core.surrounding_mesh import SurroundingMesh
 from facade_core.export.surroundings.colours import surrounding_colours
@@ -32,7 +33,7 @@ class SurroundingView:
             colours.append(np.tile(model.colour[model.triangles].mean(axis=1), (len(rows), 1)))
         vertices = np.concatenate(corners).reshape(-1, 3)
         count = len(vertices) // 3
-        self._colour = _encode_srgb(np.concatenate(colours))
+        self._colour = linear_to_srgb(np.concatenate(colours)).astype(np.float64)
         index = np.arange(3 * count, dtype=np.int32)
         self._caster = (
             RayCaster(Mesh(vertices, index.reshape(-1, 3), index[:count], np.repeat(index[:count], 3)))
@@ -48,7 +49,7 @@ class SurroundingView:
         chart: Int32Array,
         rgb: UInt8Array,
     ) -> BoolArray:
-        """Draw, in place, what is nearer than the block, with haze.
+        """Draw the surroundings that are nearer than the block, with haze, in place.
 
         Parameters
         ----------
@@ -70,9 +71,3 @@ class SurroundingView:
         rgb[is_covered] = np.clip(colour + 0.5, 0, 255).astype(np.uint8)
         depth[is_covered], chart[is_covered] = np.inf, MISS
         return is_covered
-
-
-def _encode_srgb(linear: Float64Array) -> Float64Array:
-    share = np.clip(linear, 0, 1)
-    encoded: Float64Array = 255 * np.where(share <= 0.0031308, 12.92 * share, 1.055 * share ** (1 / 2.4) - 0.055)
-    return encoded

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from facade_core.core.arrays import Float64Array
+from facade_core.core.linear_light import srgb_to_linear
 from facade_core.core.surrounding_mesh import SurroundingMaterial, SurroundingMesh
 from facade_core.core.types import SURFACES
-from facade_core.export.surroundings.models import linear_colour, sky_light
+from facade_core.export.surroundings.models import sky_light
 from facade_core.street.materials.procedural import MEAN_TONES, PLASTER_PALETTE, SURFACE_COLOURS
 
 # Clay, slate, and zinc, by the number of a building.
@@ -29,5 +30,5 @@ def surrounding_colours(mesh: SurroundingMesh) -> Float64Array:
     colour[is_stated] = (colour[is_stated] + mesh.tint[is_stated]) / 2  # maps name pure colours: orange, red
     light = sky_light(mesh.normal) * (0.86 + 0.14 * np.clip(mesh.normal @ _TO_SUN, -1, 1))
     light[is_ground] = 1.0  # as the block's ground, whose texture has the light of the sky
-    shaded: Float64Array = linear_colour(np.clip(colour, 0, 255)) * light[:, None]
+    shaded: Float64Array = srgb_to_linear(np.rint(np.clip(colour, 0, 255)).astype(np.uint8)) * light[:, None]
     return shaded

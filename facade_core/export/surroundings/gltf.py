@@ -15,6 +15,7 @@ from facade_core.export.models.buffers import (
     BYTE,
     ELEMENT_ARRAY_BUFFER,
     FLOAT,
+    MAX_UNSIGNED_SHORT,
     UNSIGNED_BYTE,
     UNSIGNED_INT,
     UNSIGNED_SHORT,
@@ -28,7 +29,6 @@ from facade_core.export.surroundings.models import build_object_model
 INSTANCING = "EXT_mesh_gpu_instancing"
 QUANTISATION = "KHR_mesh_quantization"
 UNLIT = "KHR_materials_unlit"
-MAX_UNSIGNED_SHORT = 65535
 MAX_UNSIGNED_BYTE = 255
 
 

@@ -12,6 +12,7 @@ from functools import lru_cache
 import numpy as np
 
 from facade_core.core.arrays import Float64Array, Int64Array
+from facade_core.core.linear_light import srgb_to_linear
 from facade_core.core.street_objects import ObjectKind
 
 Colour = tuple[int, int, int]
@@ -58,7 +59,8 @@ def build_object_model(kind: ObjectKind, variant: int) -> ObjectModel:
     parts = _BUILDERS[kind.name](kind, variant)
     corners = np.concatenate([part[0] for part in parts]).reshape(-1, 3)
     normals = np.concatenate([part[1] for part in parts]).reshape(-1, 3)
-    colours = np.concatenate([np.tile(linear_colour(colour), (3 * len(part), 1)) for part, _, colour in parts])
+    paints = srgb_to_linear(np.array([colour for *_, colour in parts], np.uint8)).astype(np.float64)
+    colours = paints.repeat([3 * len(part) for part, *_ in parts], axis=0)
     if kind.name in _LEAFY:
         tones = 1 + _LEAF_TONES * (np.random.default_rng(variant).random(len(corners) // 3) - 0.5)
         colours *= np.repeat(tones, 3)[:, None]
@@ -72,13 +74,6 @@ def sky_light(normals: Float64Array) -> Float64Array:
     up, side, down = _SKY_LIGHT
     light: Float64Array = side + np.where(normals[:, 2] > 0, up - side, side - down) * normals[:, 2]
     return light
-
-
-def linear_colour(colour: Colour | Float64Array) -> Float64Array:
-    """Return sRGB of 0 to 255 as linear light of 0 to 1."""
-    share = np.asarray(colour) / 255
-    linear: Float64Array = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
-    return linear
 
 
 def _flat(triangles: Float64Array, colour: Colour) -> _Part:

@@ -8,14 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from facade_core.core.arrays import Float64Array, IntArray
-from facade_core.export.models.buffers import BYTE, ELEMENT_ARRAY_BUFFER, UNSIGNED_INT, UNSIGNED_SHORT, GlbBuffer
+from facade_core.export.models.buffers import (
+    BYTE,
+    ELEMENT_ARRAY_BUFFER,
+    MAX_UNSIGNED_SHORT,
+    UNSIGNED_INT,
+    UNSIGNED_SHORT,
+    GlbBuffer,
+)
 from facade_core.export.models.encoders import TextureEncoder
 from facade_core.export.models.features import FEATURE_ID_LABELS, FeatureTable, add_feature_ids
 from facade_core.export.models.glb import SAMPLERS, pack_glb, quantise_directions
 from facade_core.export.models.gltf_materials import MaterialTextures, TimeOfDay, build_gltf_materials
 
-# Largest quantised value of an unsigned short.
-MAX_UNSIGNED_SHORT = 65535
 # Minimum step of quantised positions, metres; steps are powers of two that tiles of a size share, so there are no cracks.
 MIN_STEP_M = 2.0**-10
 

@@ -1,4 +1,4 @@
 """Settings of layouts."""
 
-# Score (`scores.score`) that one in twenty of the 253 real facades of the shipped model does not reach.
+# Score (`scores.score`) below which a layout is flagged; set by hand on labelled facades.
 MIN_PLAUSIBLE_SCORE = -1.7

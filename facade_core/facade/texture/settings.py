@@ -56,7 +56,7 @@ class FloorSettings:
     max_floor_stretch : largest stretch of a floor over the exemplar's; beyond it the rest is bare wall.
     max_window_stretch : largest stretch of its windows.
     coping_m, coping_light : height of the coping of a plain top, metres, and its light relative to the wall.
-    grain_m, max_grain : size of what is grain in bare wall, metres, and its largest difference in light.
+    grain_m, max_grain : largest grain of bare wall, metres, and its largest difference in light.
     max_ground_floor_m : greatest height of a ground floor, metres.
     max_window_share, max_window_loss : largest share of a floor that its windows take, unless they would lose more of their
         height than `max_window_loss`, a share of it.

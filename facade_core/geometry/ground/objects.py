@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from hashlib import blake2b
 
 import numpy as np
 import shapely
 from shapely import LineString, MultiPolygon, Point, Polygon
 
 from facade_core.core.arrays import BoolArray
+from facade_core.core.name_hash import hash_name
 from facade_core.core.street_objects import (
     NO_OBJECTS,
     OBJECT_KIND_NAMES,
@@ -40,7 +40,7 @@ class _Candidate:
     size: tuple[float, float, float]
 
     def standing_area(self) -> Polygon:
-        """Return the ground that it stands on: its foot, or the rectangle of a low object."""
+        """Return the ground under it: its foot, or the rectangle of a low object."""
         if self.kind.is_overhanging:
             return Point(self.x, self.y).buffer(self.kind.foot_m, quad_segs=4)
         turn = np.radians(self.heading)
@@ -96,8 +96,7 @@ def place_objects(
 
 def random_numbers(id: str) -> tuple[float, ...]:
     """Return numbers in [0, 1) by the id of an object."""
-    digest = blake2b(id.encode(), digest_size=4 * _RANDOM_NUMBERS).digest()
-    return tuple(int.from_bytes(digest[4 * k : 4 * k + 4]) / 2**32 for k in range(_RANDOM_NUMBERS))
+    return tuple(np.random.default_rng(hash_name(id)).random(_RANDOM_NUMBERS).tolist())
 
 
 def standing_areas(placed: PlacedObjects) -> list[Polygon]:

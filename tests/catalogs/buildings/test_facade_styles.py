@@ -18,7 +18,9 @@ NEIGHBOUR = Footprint("neighbour", box(-20, 0, 0, 10), None, 4, None)
 FLAT = Roof("flat", 0.0)
 
 
-def style_of(width: float, levels: float, *, attached: bool = False, material: str | None = None, **tags: Any) -> str:
+def likely_style(
+    width: float, levels: float, *, attached: bool = False, material: str | None = None, **tags: Any
+) -> str:
     """Return the style of a building 10 m deep."""
     finish = BuildingFinish(wall_material=material)
     own = Footprint("own", box(0, 0, width, 10), None, levels, None, finish=finish, **tags)
@@ -66,14 +68,14 @@ BY_SIZE = (
     ("width", "levels", "tags", "style"), [one[1:] for one in TAGGED], ids=[one[0] for one in TAGGED]
 )
 def test_tags_decide(width: float, levels: float, tags: dict[str, Any], style: str) -> None:
-    assert style_of(width, levels, **tags) == style
+    assert likely_style(width, levels, **tags) == style
 
 
 @pytest.mark.parametrize(
     ("width", "levels", "tags", "style"), [one[1:] for one in BY_SIZE], ids=[one[0] for one in BY_SIZE]
 )
 def test_size_decides_without_tags(width: float, levels: float, tags: dict[str, Any], style: str) -> None:
-    assert style_of(width, levels, **tags) == style
+    assert likely_style(width, levels, **tags) == style
 
 
 def test_every_style_is_given() -> None:
