@@ -17,6 +17,7 @@ from catalogs.features import CentrelinesAndGround, natural_sort_key
 from catalogs.readers.settings import LIMITS
 from catalogs.readers.vectors.centrelines import is_building_passage
 from catalogs.readers.vectors.lengths import parse_length
+from facade_core.core.street_objects import stated_object_kind
 from facade_core.core.types import GroundArea, GroundObject, GroundWay, MappedGround
 
 if TYPE_CHECKING:
@@ -131,7 +132,7 @@ def build_block_ground(
                 nodes.append((id, geometry))
         elif (surface := ground_surface_class(geometry, tags)) is not None:
             areas += _clipped_areas(id, geometry, surface, around)
-        elif "LineString" in geometry.geom_type and tags.get("area") != "yes":
+        elif "LineString" in geometry.geom_type and tags.get("area") != "yes" and _may_be_way(tags):
             for line in _parts_within(geometry, around, "LineString"):
                 ways += ways_from_tags(id, line, tags)
                 street[id] = f"{tags.get('highway')} {tags.get('name', id)}"
@@ -139,6 +140,11 @@ def build_block_ground(
     roads = [way for way in ways if way.kind == "road"]
     ways += [crossing for id, node in nodes if (crossing := _node_crossing(id, node, roads)) is not None]
     return MappedGround(tuple(ways), tuple(areas), outline, tuple(objects))
+
+
+def _may_be_way(tags: Mapping[str, str]) -> bool:
+    """Return whether a line may be a way: fences and rows of trees are none, unless they lie on one."""
+    return stated_object_kind(tags) is None or "highway" in tags or "railway" in tags
 
 
 def _is_usable(geometry: BaseGeometry) -> bool:

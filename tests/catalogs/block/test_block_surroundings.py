@@ -66,6 +66,11 @@ def test_a_fenced_pitch_is_a_pitch_with_a_fence(tmp_path: Path) -> None:
     features = (GroundFeature("w", shapely.box(10, 10, 40, 30), tags),)
     ground = build_block_ground([CentrelinesAndGround(None, (), ground=features)], CRS("EPSG:32635"), AROUND, None)
     assert ([one.id for one in ground.areas], [one.kind for one in ground.objects]) == (["w"], ["fence"])
+    line = LineString([(1, 1), (90, 1)])
+    for more, ways in (({}, []), ({"highway": "footway"}, ["w"])):
+        features = (GroundFeature("w", line, {"barrier": "fence"} | more),)
+        ground = build_block_ground([CentrelinesAndGround(None, (), ground=features)], CRS("EPSG:32635"), AROUND, None)
+        assert ([one.id for one in ground.ways], [one.kind for one in ground.objects]) == (ways, ["fence"])
     frame = gpd.GeoDataFrame({"barrier": ["fence"]}, geometry=[LineString([(1, 1), (9, 1)])], crs="EPSG:32635")
     frame.to_file(tmp_path / "lines.gpkg")
     (fence,) = read_vector_ground(tmp_path / "lines.gpkg").ground
