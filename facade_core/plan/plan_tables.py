@@ -45,10 +45,14 @@ def write_plan(session: icechunk.Session, plan: Plan, buildings: Sequence[Buildi
 
 def read_plan(session: icechunk.Session) -> Plan:
     """Read the plan, with the density of the atlas."""
+    density = float(open_root(session)["atlas"].attrs["texels_per_metre"])
+    return _plan_from_tables({name: read_table(session, name) for name in list_tables(session)}, density)
+
+
+def list_tables(session: icechunk.Session) -> list[str]:
+    """List the tables of a plan: all of TABLES but optional ones that it lacks."""
     root = open_root(session)
-    stored = [name for name, table in TABLES.items() if name in root or not table.is_optional]
-    density = float(root["atlas"].attrs["texels_per_metre"])
-    return _plan_from_tables({name: read_table(session, name) for name in stored}, density)
+    return [name for name, table in TABLES.items() if name in root or not table.is_optional]
 
 
 def read_facades(session: icechunk.Session) -> Facades:

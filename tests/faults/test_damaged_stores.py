@@ -222,6 +222,20 @@ def test_damage_that_sizes_do_not_show_is_found_where_a_run_or_the_doctor_met_it
     assert repair_store(run) == []
 
 
+def test_a_damaged_table_that_a_plan_may_lack_has_the_plan_made_again(textured: tuple[Path, Run], run: Run) -> None:
+    out, wanted = Path(run.out), digests_of(Path(run.out))
+    changed(run.store, lambda group: group["objects"].__delitem__("kind"))
+    (line,) = repair_store(run)
+    assert line.endswith("tables objects cannot be read; they are made again")
+    assert repair_store(run) == []
+    assert _group(open_repository(run.store).readonly_session(BRANCH)).attrs["plan"] == ""
+    texture(textured[0], out)
+    group = _group(open_repository(run.store).readonly_session(BRANCH))
+    assert group.attrs["plan"]
+    assert "kind" in group["objects"]
+    assert digests_of(out) == wanted
+
+
 @pytest.mark.parametrize("what", ["a file", "a link to nowhere"])
 def test_a_store_that_is_no_folder_is_one_line(tmp_path: Path, what: str) -> None:
     store = tmp_path / "store"

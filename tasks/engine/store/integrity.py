@@ -27,7 +27,7 @@ from facade_core.atlas.table_schema import TABLES
 from facade_core.core.errors import StoreFormatError
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
-from facade_core.plan.plan_tables import read_plan, read_table
+from facade_core.plan.plan_tables import list_tables, read_plan, read_table
 from tasks.engine.run import Run
 from tasks.engine.stage import (
     Records,
@@ -121,6 +121,8 @@ def _remove_damaged_tables(store: StoreLocation, session: icechunk.Session, grou
     for name in damaged:
         if name in group:
             del group[name]
+    if damaged and all(TABLES[name].is_optional for name in damaged):
+        group.attrs["plan"] = ""  # without them the rest would count as the whole plan
     if session.has_uncommitted_changes:
         commit(session, f"mend: tables {', '.join(damaged)}")
     return damaged
@@ -128,7 +130,7 @@ def _remove_damaged_tables(store: StoreLocation, session: icechunk.Session, grou
 
 def _find_damaged_tables(session: icechunk.Session) -> list[str]:
     damaged = []
-    for name in TABLES:
+    for name in list_tables(session):
         try:
             read_table(session, name)
         except DAMAGE_ERRORS:
