@@ -9,6 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
+from catalogs.features import safe_file_stem
+from catalogs.stac.facts import DataSourceFacts
+from catalogs.stac.licences import common_license, license_links, licensors
+from catalogs.stac.snapshot import stac_object_json
+from facade_core.export.bodies.wall_plane import PLANE_WKT
+
 if TYPE_CHECKING:
     from pystac import Item
 
@@ -91,8 +97,6 @@ def _write_sheet(
     width : width of the sheet, metres.
     top : height of the upper edge, metres.
     """
-    from facade_core.export.bodies.wall_plane import PLANE_WKT
-
     pixel = min(min(one.pixel_size) for one in pictures)
     lowest = max(y + one.extent[1] for one, (_, y) in zip(pictures, places, strict=True))
     columns, rows = (max(1, round(metres / pixel + 0.5)) for metres in (width, lowest))
@@ -137,11 +141,6 @@ def write_orthophoto_collection(path: Path, block: str, items: Sequence[Item], a
     """Write the STAC Collection of a block's orthophotos, with links to its Items beside it."""
     import pystac
 
-    from catalogs.features import safe_file_stem
-    from catalogs.stac.facts import DataSourceFacts
-    from catalogs.stac.licences import common_license, license_links, licensors
-    from catalogs.stac.snapshot import stac_object_json
-
     sources = [DataSourceFacts(one.key, one.name, one.licence) for one in attribution.sources]
     boxes = [item.bbox for item in items if item.bbox]
     box = [*map(min, zip(*(b[:2] for b in boxes), strict=True)), *map(max, zip(*(b[2:] for b in boxes), strict=True))]
@@ -185,8 +184,6 @@ def write_orthophoto_catalog(path: Path, city: str, children: Sequence[tuple[str
     children : address of the Collection of each block, and its title.
     """
     import pystac
-
-    from catalogs.stac.snapshot import stac_object_json
 
     catalog = pystac.Catalog(_collection_id(city), f"Orthophotos of the facades of {city}, by block")
     catalog.clear_links()

@@ -11,8 +11,13 @@ import numpy as np
 
 from catalogs.features import safe_file_stem
 from catalogs.printable_text import escape_invisible, escape_invisible_json
+from catalogs.stac.facts import DataSourceFacts
+from catalogs.stac.items import PROJECTION
+from catalogs.stac.licences import common_license, license_links, licensors
+from facade_core.atlas.rasters import read_chart_raster
 from facade_core.core.arrays import IntArray, UInt8Array
 from facade_core.core.errors import InputError
+from facade_core.export.bodies.wall_plane import PLANE_WKT, WallPlane, wall_outlines, wall_plane
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.export.orthophoto_index import (
     COLLECTION,
@@ -29,7 +34,6 @@ if TYPE_CHECKING:
     from pystac import Item
     from shapely import LineString
 
-    from facade_core.export.bodies.wall_plane import WallPlane
 
 # Side of a tile of the file, texels; small, because facades are small.
 TILE_TEXELS = 256
@@ -64,9 +68,6 @@ def write_cogs(results: PublishedBlock, buildings: IntArray, folder: Path) -> tu
     files : files to open first.
     notes : remarks for the user.
     """
-    from facade_core.atlas.rasters import read_chart_raster
-    from facade_core.export.bodies.wall_plane import wall_plane
-
     facades, source = results.plan.facades, results.textured_mesh
     drawn = set(source.select_charts(buildings).tolist())
     chosen = [i for i in np.flatnonzero(np.isin(facades.building, buildings)).tolist() if facades.chart[i] in drawn]
@@ -114,8 +115,6 @@ def _write_cog(
     from rasterio.features import rasterize
     from rasterio.transform import Affine
 
-    from facade_core.export.bodies.wall_plane import PLANE_WKT, wall_outlines
-
     height, width = texels.shape[:2]
     polygons = [
         {"type": "Polygon", "coordinates": [ring.tolist() for ring in rings]}
@@ -156,11 +155,6 @@ def _item(
     """Build the facade's STAC Item: foot line in WGS 84, raster frame by the projection extension, pose."""
     import pystac
     import shapely
-
-    from catalogs.stac.facts import DataSourceFacts
-    from catalogs.stac.items import PROJECTION
-    from catalogs.stac.licences import common_license, license_links, licensors
-    from facade_core.export.bodies.wall_plane import PLANE_WKT
 
     sources = [DataSourceFacts(one.key, one.name, one.licence) for one in results.attribution.sources]
     line = row["geometry"]
