@@ -261,7 +261,7 @@ def _line_rotation(lines: WallLines) -> tuple[Float64Array, str]:
             identity,
             f"turn as given: {len(lines)} lines on walls in sight, at least {REFINEMENT.min_lines} long ones are needed",
         )
-    rotation, _ = solve_rotation_from_lines(lines)
+    rotation = solve_rotation_from_lines(lines)
     if rotation_angle_deg(rotation) > REFINEMENT.max_turn_deg:
         return (
             identity,
