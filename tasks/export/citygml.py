@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from lxml import etree
+from lxml.etree import _Element as Element
 
 from catalogs.features import safe_file_stem
 from catalogs.printable_text import escape_invisible
@@ -31,10 +32,6 @@ from tasks.engine.progress import report_progress
 from tasks.export.city_objects import building_attributes, building_model, facade_layouts, model_origin
 from tasks.export.models import append_ground_index, write_texture_pages
 from tasks.publish.published_run import PublishedBlock
-
-if TYPE_CHECKING:
-    from lxml.etree import _Element as Element
-
 
 # Attributes with a CityGML element of their own; all others become generic attributes.
 CITYGML_ATTRIBUTES = ("name", "roofType", "measuredHeight", "storeysAboveGround")
@@ -152,6 +149,5 @@ def _terrain(
 
 
 def _member() -> Element:
-    from lxml import etree
 
     return etree.Element(expand_prefix("cityObjectMember"), nsmap=NAMESPACES)

@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
 from catalogs.features import safe_file_stem
 from catalogs.printable_text import format_count
@@ -67,9 +69,6 @@ def _annotate_facades(
     results: PublishedBlock, buildings: IntArray, folder: Path, within: str
 ) -> Iterator[AnnotatedFacade]:
     """Write the picture of every finished facade and yield its annotations."""
-    from PIL import Image
-    from PIL.PngImagePlugin import PngInfo
-
     facades = results.select_finished_facades(buildings)
     said = PngInfo()
     said.add_itxt("Copyright", results.attribution.line)

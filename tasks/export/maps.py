@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import geopandas as gpd
 import numpy as np
+import pandas as pd
+import shapely
 
 from catalogs.features import safe_file_stem
 from catalogs.published import geoparquet
@@ -20,10 +22,6 @@ from facade_core.geometry.charts import ChartKind
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.export.city_objects import is_facade
 from tasks.publish.published_run import PublishedBlock
-
-if TYPE_CHECKING:
-    import geopandas as gpd
-    import pandas as pd
 
 # Columns of building materials and colours, stated or corrected.
 APPEARANCE_COLUMNS = ("wall_material", "wall_colour", "roof_material", "roof_colour")
@@ -92,8 +90,6 @@ def map_layers(
     layers : tables by name.
     updated : time of the newest row of the catalogue; None without rows.
     """
-    import shapely
-
     plan, charts = results.plan, results.plan.scene.charts
     chart = plan.facades.chart
     across = charts.axis_u[chart] * charts.size[chart, :1]

@@ -9,6 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
+import pystac
+from pystac import Item
+
 from catalogs.features import safe_file_stem
 from catalogs.stac.facts import DataSourceFacts
 from catalogs.stac.licences import common_license, license_links, licensors
@@ -16,8 +19,6 @@ from catalogs.stac.snapshot import stac_object_json
 from facade_core.export.bodies.wall_plane import PLANE_WKT
 
 if TYPE_CHECKING:
-    from pystac import Item
-
     from facade_core.export.attribution import Attribution
 
 SHEET = "facades.vrt"
@@ -139,8 +140,6 @@ def _element(tag: str, text: str) -> str:
 
 def write_orthophoto_collection(path: Path, block: str, items: Sequence[Item], attribution: Attribution) -> None:
     """Write the STAC Collection of a block's orthophotos, with links to its Items beside it."""
-    import pystac
-
     sources = [DataSourceFacts(one.key, one.name, one.licence) for one in attribution.sources]
     boxes = [item.bbox for item in items if item.bbox]
     box = [*map(min, zip(*(b[:2] for b in boxes), strict=True)), *map(max, zip(*(b[2:] for b in boxes), strict=True))]
@@ -168,8 +167,6 @@ def write_orthophoto_collection(path: Path, block: str, items: Sequence[Item], a
 
 def add_to_collection(item: Item, block: str) -> None:
     """Refer from an Item to the Collection beside it."""
-    import pystac
-
     item.collection_id = _collection_id(block)
     item.links.append(pystac.Link("collection", f"./{COLLECTION}", "application/json"))
 
@@ -183,8 +180,6 @@ def write_orthophoto_catalog(path: Path, city: str, children: Sequence[tuple[str
     city : name of the city.
     children : address of the Collection of each block, and its title.
     """
-    import pystac
-
     catalog = pystac.Catalog(_collection_id(city), f"Orthophotos of the facades of {city}, by block")
     catalog.clear_links()
     catalog.add_link(pystac.Link("root", f"./{CATALOG}", "application/json"))

@@ -5,9 +5,18 @@ from __future__ import annotations
 import io
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, TypedDict, cast
+from typing import TypedDict, cast
 
+import geopandas as gpd
 import numpy as np
+import pystac
+import rasterio
+import shapely
+from pandas import Timestamp
+from pystac import Item
+from rasterio.features import rasterize
+from rasterio.transform import Affine
+from shapely import LineString
 
 from catalogs.features import safe_file_stem
 from catalogs.printable_text import escape_invisible, escape_invisible_json
@@ -28,12 +37,6 @@ from tasks.export.orthophoto_index import (
     write_row_sheet,
 )
 from tasks.publish.published_run import PublishedBlock
-
-if TYPE_CHECKING:
-    from pandas import Timestamp
-    from pystac import Item
-    from shapely import LineString
-
 
 # Side of a tile of the file, texels; small, because facades are small.
 TILE_TEXELS = 256
@@ -98,8 +101,6 @@ def write_cogs(results: PublishedBlock, buildings: IntArray, folder: Path) -> tu
 
 def _read_facade_rows(results: PublishedBlock) -> dict[str, _FacadeRow]:
     """Read the catalogue's rows of facades by id, with foot lines in WGS 84."""
-    import geopandas as gpd
-
     try:
         rows = gpd.read_parquet(io.BytesIO(results.snapshot.items.read_bytes()))
     except (OSError, ValueError) as error:
@@ -111,9 +112,6 @@ def _read_facade_rows(results: PublishedBlock) -> dict[str, _FacadeRow]:
 def _write_cog(
     results: PublishedBlock, path: Path, texels: UInt8Array, plane: WallPlane, chart: int, name: str
 ) -> None:
-    import rasterio
-    from rasterio.features import rasterize
-    from rasterio.transform import Affine
 
     height, width = texels.shape[:2]
     polygons = [
@@ -153,9 +151,6 @@ def _item(
     results: PublishedBlock, name: str, row: _FacadeRow, plane: WallPlane, shape: tuple[int, ...], file: str
 ) -> Item:
     """Build the facade's STAC Item: foot line in WGS 84, raster frame by the projection extension, pose."""
-    import pystac
-    import shapely
-
     sources = [DataSourceFacts(one.key, one.name, one.licence) for one in results.attribution.sources]
     line = row["geometry"]
     placed = None if line is None or line.is_empty else line
