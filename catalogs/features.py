@@ -8,17 +8,15 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
 import shapely
+from shapely import LineString, MultiPolygon, Polygon
+from shapely.geometry.base import BaseGeometry
 
 from facade_core.core.arrays import Float64Array, IntArray
 from facade_core.core.types import PLAIN, Building, BuildingFinish, BuildingShell, Roof
-
-if TYPE_CHECKING:
-    from shapely import LineString, MultiPolygon, Polygon
-    from shapely.geometry.base import BaseGeometry
 
 WithShellT = TypeVar("WithShellT", "BuildingModel", Building)
 # File systems allow 255 bytes; prefixes and suffixes need some.

@@ -6,9 +6,9 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from pyproj import Transformer
 
 from catalogs.block.key_faults import read_block_settings
 from catalogs.block.paths import resolve_paths
@@ -32,9 +32,6 @@ from facade_core.plan.ingest import fill_pose_heights
 from facade_core.plan.panorama_choice import PanoramaChoice, choose_panoramas
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.stages.ingest.planning import make_plan
-
-if TYPE_CHECKING:
-    from pyproj import Transformer
 
 # Rows and columns of a picture if the service states none.
 DEFAULT_PANORAMA_SIZE = (2048, 4096)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,15 +12,13 @@ from catalogs.readers.layouts import read_partial_layout
 from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
+from facade_core.core.types import Completion
 from facade_core.export.pictures.rendering import ElementRow, draw_layout, encode_image
 from facade_core.facade.evidence import Evidence
 from facade_core.facade.layout.completion import complete
+from facade_core.facade.layout.facade_frame import Rectangle
 from facade_core.facade.photo_facade import observe_photo
 from tasks.stages.shared.images import read_image_and_mask
-
-if TYPE_CHECKING:
-    from facade_core.core.types import Completion
-    from facade_core.facade.layout.facade_frame import Rectangle
 
 LAYOUT_SUFFIXES = (".json", ".jsonl")
 

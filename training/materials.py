@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import io
+import json
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +14,7 @@ from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import MAX_MODEL_BYTES, read_regular
 from facade_core.street.materials.grain import EXAMPLE_NAMES, GrainExample, learn_grain
-from facade_core.street.materials.grain_file import save_examples
+from facade_core.street.materials.grain_file import EXAMPLE_FORMAT
 from training.progress import track_progress
 
 # Picture in materials/, its width in metres, and the size of structure that is not grain, metres.
@@ -54,3 +57,20 @@ def read_picture_and_digest(path: Path) -> tuple[UInt8Array, str]:
     if image is None:
         raise InputError(f"{path}: no picture; fetch it again")
     return np.asarray(image[..., ::-1], np.uint8), hashlib.sha256(content).hexdigest()
+
+
+def save_examples(examples: Mapping[str, GrainExample], path: Path, **details: object) -> None:
+    """Write the examples of all `EXAMPLE_NAMES` and a record with checksum and details."""
+    ordered = [examples[name] for name in EXAMPLE_NAMES]
+    arrays = {field: np.array([getattr(example, field) for example in ordered]) for field in GrainExample._fields}
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(buffer.getvalue())
+    record = {
+        "format": EXAMPLE_FORMAT,
+        "sha256": hashlib.sha256(buffer.getvalue()).hexdigest(),
+        "names": list(EXAMPLE_NAMES),
+        **details,
+    }
+    path.with_suffix(".json").write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")

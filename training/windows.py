@@ -19,14 +19,15 @@ from facade_core.facade.variation.variations import clip_to_image
 from facade_core.facade.variation.window_features import compute_window_features
 from facade_core.facade.variation.window_pairs import GroupAppearance, group_context, iterate_pair_features
 from facade_core.facade.variation.window_types import (
+    MADE_FOR,
     WINDOW_STATES,
     WindowMetric,
     describe_group,
-    save_window_metric,
 )
 from training.datasets.facades import ECP, read_dataset
 from training.datasets.layouts import read_layouts
 from training.datasets.window_states import Box, read_window_states
+from training.model_files import write_json_model
 from training.progress import track_progress
 
 if TYPE_CHECKING:
@@ -187,3 +188,12 @@ def _logistic() -> LogisticRegression:
     from sklearn.linear_model import LogisticRegression
 
     return LogisticRegression(C=_STRENGTH, max_iter=400)
+
+
+def save_window_metric(metric: WindowMetric, path: Path, **details: object) -> None:
+    """Write a metric of windows with its checksum; equal metrics give equal bytes."""
+    content = {
+        field: np.array([float(f"{v:.6g}") for v in values.ravel()]).reshape(values.shape).tolist()
+        for field, values in zip(metric._fields, metric, strict=True)
+    }
+    write_json_model(path, content, MADE_FOR, **details)

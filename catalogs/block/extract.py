@@ -29,7 +29,6 @@ from catalogs.readers.json_text import parse_json_object
 from catalogs.readers.meshes.npz import check_npz_arrays
 from catalogs.readers.pictures.aerial import Orthophoto
 from catalogs.readers.pictures.panoramas import PosedPanorama
-from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import MAX_TEXT_BYTES, require_regular
 from facade_core.core.types import Building, MappedGround, Street
@@ -77,7 +76,9 @@ def write_city_part_file(path: Path, values: Mapping[str, object]) -> None:
     text = json.dumps({"format": EXTRACT_FORMAT, "values": encoder.encode(dict(values))}, ensure_ascii=False)
     buffer = io.BytesIO()
     np.savez_compressed(
-        buffer, text=np.frombuffer(text.encode(errors="surrogatepass"), np.uint8), blob=_byte_array(encoder.blob)
+        buffer,
+        text=np.frombuffer(text.encode(errors="surrogatepass"), np.uint8),
+        blob=np.frombuffer(bytes(encoder.blob), np.uint8),
     )
     if path.is_file() and path.read_bytes() == buffer.getvalue():
         return
@@ -148,7 +149,3 @@ def read_city_part_file(path: Path) -> dict[str, object]:
 def _unreadable_message(path: Path, error: Exception) -> str:
     why = short_message(error).removeprefix(str(path)).lstrip(": ")
     return f"{path} holds no part of a city that can be read ({why}); `streetloom city` writes it again"
-
-
-def _byte_array(blob: bytearray) -> UInt8Array:
-    return np.frombuffer(bytes(blob), np.uint8)

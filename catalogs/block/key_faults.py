@@ -5,18 +5,16 @@ from __future__ import annotations
 import difflib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias, TypeVar
+from typing import TypeAlias, TypeVar
 
 from pydantic import ValidationError
+from pydantic_core import ErrorDetails
 
 from catalogs.block.declared_keys import DeclaredKey, Section, declared_keys
 from catalogs.block.keys import BlockFileSettings
 from catalogs.block.paths import list_remedy
 from catalogs.block.yaml_files import find_key_line, read_yaml
 from catalogs.printable_text import short_repr
-
-if TYPE_CHECKING:
-    from pydantic_core import ErrorDetails
 
 S = TypeVar("S", bound=Section)
 DeclaredKeys: TypeAlias = Mapping[str, DeclaredKey]

@@ -165,16 +165,13 @@ def list_remedy(key: str, paths: Sequence[str]) -> str:
     """Return how to name a list of files, or how to make one of them where a key takes one file."""
     if _takes_list(key):
         return f"write path: [{', '.join(paths[:_MAX_LISTED])}{', ...' if len(paths) > _MAX_LISTED else ''}]"
-    names, suffixes = " ".join(paths[:_MAX_LISTED]) + (" ..." if len(paths) > _MAX_LISTED else ""), _suffixes(paths)
+    names = " ".join(paths[:_MAX_LISTED]) + (" ..." if len(paths) > _MAX_LISTED else "")
+    suffixes = {Path(path).suffix.lower() for path in paths}
     if not suffixes.isdisjoint(_RASTER_SUFFIXES):
         return f"make one of them with gdalwarp {names} joined.tif (or gdalbuildvrt joined.vrt {names}), and name it"
     if suffixes == {".pbf"}:
         return f"make one of them with osmium merge {names} -o joined.osm.pbf, and name it"
     return f"make one of them with ogrmerge.py -single -o joined.gpkg {names}, and name it"
-
-
-def _suffixes(paths: Sequence[str]) -> set[str]:
-    return {Path(path).suffix.lower() for path in paths}
 
 
 def _takes_list(key: str) -> bool:

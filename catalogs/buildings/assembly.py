@@ -376,13 +376,9 @@ def _states_floor_height(candidate: _Candidate) -> bool:
     stated = candidate.footprint
     return (
         stated is not None
-        and _states_height(stated)
+        and (stated.height is not None or stated.levels is not None)
         and (candidate.is_whole or bool(stated.use and not stated.starts_above_ground))
     )
-
-
-def _states_height(footprint: Footprint) -> bool:
-    return footprint.height is not None or footprint.levels is not None
 
 
 def _stated_height(footprint: Footprint, floor_height: float) -> tuple[float | None, str]:

@@ -175,9 +175,7 @@ def reject_stray_buildings(
     reasons: dict[int, str] = {}
     for index in np.flatnonzero(~every.location_mask).tolist():
         crs = sources[owner[index]].crs
-        reasons[index] = (
-            f"it lies nowhere on Earth in {_short_crs_name(crs)}; mend its coordinates, or check buildings.crs"
-        )
+        reasons[index] = f"it lies nowhere on Earth in {(crs or '')[:60]}; mend its coordinates, or check buildings.crs"
     for index in np.flatnonzero(meant & ~sound).tolist():
         west, south, east, north = every.lonlat_bounds(np.array([index]))
         reasons[index] = (
@@ -287,7 +285,3 @@ def _diagonal(points: Float64Array) -> float:
 def _point_lonlat(point: Float64Array) -> tuple[float, float]:
     x, y, z = point
     return float(np.degrees(np.arctan2(y, x))), float(np.degrees(np.arctan2(z, np.hypot(x, y))))
-
-
-def _short_crs_name(crs: str | None) -> str:
-    return (crs or "")[:60]

@@ -8,7 +8,11 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping
 from fractions import Fraction
-from typing import TYPE_CHECKING
+
+import pystac_client
+from pystac.link import HREF
+from pystac_client import Client
+from pystac_client.stac_api_io import StacApiIO
 
 from catalogs.features import Fault
 from catalogs.imagery.box_search import join_pages, search_boxes_by_quarters
@@ -31,11 +35,6 @@ from catalogs.readers.pictures.source_poses import parse_iso_date
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
 
-if TYPE_CHECKING:
-    from pystac.link import HREF
-    from pystac_client import Client
-    from pystac_client.stac_api_io import StacApiIO
-
 # Names of the asset with the picture at full size.
 _FULL_SIZE_ASSETS = ("hd", "data", "visual", "image")
 # How far outside a small box a picture may lie that belongs to the answer, about 10 m.
@@ -51,8 +50,6 @@ def search_stac(client: HttpClient, api: str, query: PanoramaQuery) -> Iterator[
     ------
     InputError : the API cannot be searched.
     """
-    import pystac_client
-
     try:
         stac_client = pystac_client.Client.open(api, stac_io=_stac_io(client))
         search = _box_search(stac_client, query.dates)
@@ -192,7 +189,6 @@ def _checksum_sha256(checksum: object) -> str | None:
 
 
 def _stac_io(client: HttpClient) -> StacApiIO:
-    from pystac_client.stac_api_io import StacApiIO
 
     class Io(StacApiIO):
         """Requests by `HttpClient`: pystac-client's own log the token, open local files, and have no limits."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import glob
 import math
-import re
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from datetime import datetime
@@ -88,9 +88,8 @@ def _select_rows(
         local = [path for path in named if isinstance(path, Path)]
         connection.execute("SET TimeZone = 'UTC'")
         # the condition has access to these files only; DuckDB reads only the columns that it names
-        connection.execute(
-            "SET allowed_paths = $1", [[form for p in local for form in (str(p.resolve()), _glob_pattern(p))]]
-        )
+        places = [str(path.resolve()) for path in local]
+        connection.execute("SET allowed_paths = $1", [[*places, *map(glob.escape, places)]])
         parts = []
         joined = [(None, one.path, one.columns, stale) for one, stale in files]
         for number, (run, path, columns, stale) in enumerate([*joined, *((*one, []) for one in found)]):
@@ -251,12 +250,7 @@ def _column_sql(name: str, run: PublishedRun[Folder] | None, columns: pa.Schema)
 
 
 def _parquet_sql(path: Path) -> str:
-    return f"read_parquet({_quote_text(_glob_pattern(path))}, hive_partitioning = false)"
-
-
-def _glob_pattern(path: Path) -> str:
-    """Return the pattern that matches only this path: DuckDB interprets [, * and ?."""
-    return re.sub(r"([\[*?])", r"[\1]", str(path.resolve()))
+    return f"read_parquet({_quote_text(glob.escape(str(path.resolve())))}, hive_partitioning = false)"
 
 
 def _quote_name(column: str) -> str:

@@ -7,15 +7,14 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+from pyproj import CRS, Transformer
+from pyproj.exceptions import CRSError
 
 from catalogs.crs import EARTH_RADIUS_M, LONLAT, metres_per_height_unit
 from catalogs.readers.settings import MODELS
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
-
-if TYPE_CHECKING:
-    from pyproj import CRS
 
 _BARE_CODE = re.compile(r"\s*(?:epsg:)?(\d{4,6})\s*", re.IGNORECASE)
 _EPSG_CODES = re.compile(r"epsg(?:\.xml#|[:/]+(?:[\w.]*[:/])?)(\d{4,6})(?:\+(\d{4,6}))?(?!\d)", re.IGNORECASE)
@@ -115,9 +114,6 @@ def _parse_epsg_codes(name: str) -> list[int]:
 
 def _crs_parts(codes: Sequence[int]) -> list[CRS]:
     """Return the horizontal and vertical systems of the codes; an empty list where a code is unknown."""
-    from pyproj import CRS
-    from pyproj.exceptions import CRSError
-
     try:
         frames = [CRS.from_epsg(code) for code in codes]
     except CRSError:
@@ -146,8 +142,6 @@ def _axis_order(
 
 def _is_near_area_of_use(crs: CRS, east: float, north: float) -> bool:
     """Return True where a place is in the area of use of a system, or near it."""
-    from pyproj import Transformer
-
     area = crs.area_of_use
     longitude, latitude = Transformer.from_crs(crs, LONLAT, always_xy=True).transform(east, north)
     if not (abs(longitude) <= 360.0 and abs(latitude) <= 90.0):

@@ -52,17 +52,6 @@ def load_json(path: Path, max_bytes: int | None = None) -> JsonValue:
     return parse_json(text, str(path))
 
 
-def load_json_object(path: Path, max_bytes: int | None = None) -> JsonObject:
-    """Load a JSON file that holds an object; see `load_json`.
-
-    Raises
-    ------
-    InputError
-        Where the file cannot be read, or holds another value.
-    """
-    return _require_object(load_json(path, max_bytes), str(path))
-
-
 def parse_json_object(text: bytes, where: str) -> JsonObject:
     """Parse a JSON text that is an object; see `parse_json`.
 

@@ -6,9 +6,11 @@ import math
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar, overload
+from typing import TypeVar, overload
 
 import shapely
+from shapely import MultiPolygon, Polygon
+from shapely.geometry.base import BaseGeometry
 
 from catalogs.features import (
     BuildingModel,
@@ -24,11 +26,6 @@ from catalogs.printable_text import normal_form
 from catalogs.reader_errors import to_single_line
 from catalogs.readers.settings import LIMITS
 from facade_core.core.errors import InputError
-
-if TYPE_CHECKING:
-    from shapely import MultiPolygon, Polygon
-    from shapely.geometry.base import BaseGeometry
-
 
 SourceT = TypeVar("SourceT", Footprints, BuildingModels, CentrelinesAndGround)
 ItemT = TypeVar("ItemT", Footprint, BuildingModel, Centreline)

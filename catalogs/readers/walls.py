@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
+from numpy.typing import ArrayLike
 from shapely import LineString, MultiPolygon, Polygon
 
 from catalogs.crs import metres_per_height_unit
@@ -18,9 +18,6 @@ from catalogs.readers.settings import LIMITS, MODELS
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
 from facade_core.core.types import Roof
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 FLAT_ROOF = Roof("flat", 0.0, confidence=0.5)
 _EXPECTED_JSON = '{"crs": "EPSG:n", "walls": {building: {wall: [[x, y, z], ...]}}}'

@@ -15,17 +15,14 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import icechunk
 import zarr
+from zarr.types import AnyArray as ZarrArray
 
 from facade_core.atlas.store import BRANCH, Repository, open_repository
 from facade_core.atlas.store_location import StoreLocation
 from facade_core.core.errors import LostStoreError, MachineError, StoreError
-
-if TYPE_CHECKING:
-    from zarr.types import AnyArray as ZarrArray
 
 # Errors of reading a damaged store: those of Icechunk, zarr and codecs, and of truncated files.
 DAMAGE_ERRORS = (icechunk.IcechunkError, OSError, RuntimeError, ValueError, KeyError, TypeError, EOFError)

@@ -35,19 +35,13 @@ def read_json_model(path: Path, kind: str, made_for: Mapping[str, object], remed
         raise ModelFileError(f"{path}: not valid JSON ({error}); {remedy}") from error
     if not isinstance(record, dict) or not isinstance(record.get("model"), dict):
         raise ModelFileError(f"{path}: not a {kind}; {remedy}")
-    if record.get("sha256") != _digest(record["model"]):
+    if record.get("sha256") != model_digest(record["model"]):
         raise ModelFileError(f"{path}: checksum differs from its content; {remedy}")
     if any(record.get(name) != value for name, value in made_for.items()):
         raise ModelFileError(f"{path}: made for another version of Streetloom; {remedy}")
     return record
 
 
-def write_json_model(path: Path, model: JsonObject, made_for: Mapping[str, object], **details: object) -> None:
-    """Write a model with its checksum; equal models give equal bytes."""
-    record = {**made_for, **details, "sha256": _digest(model), "model": model}
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(record, separators=(",", ":")) + "\n", encoding="utf-8")
-
-
-def _digest(model: JsonObject) -> str:
+def model_digest(model: JsonObject) -> str:
+    """Compute the checksum of a model in its file."""
     return hashlib.sha256(json.dumps(model, sort_keys=True, separators=(",", ":")).encode()).hexdigest()

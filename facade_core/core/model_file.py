@@ -85,17 +85,3 @@ def open_inference_session(path: Path, record: Mapping[str, object] | None, *, t
         return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
     except Exception as error:  # the runtime has no public root for its errors
         raise ModelFileError(f"{path}: not a model that onnxruntime reads; fetch, export or train it anew") from error
-
-
-def extend_model_record(path: Path, **more: object) -> None:
-    """Add entries to the .json record of an .onnx file."""
-    text = json.dumps(read_model_record(path) | more, indent=1) + "\n"
-    path.with_suffix(".json").write_text(text, encoding="utf-8")
-
-
-def write_model(content: bytes, path: Path, record: Mapping[str, object]) -> None:
-    """Write an .onnx file and its .json record, with checksum and classes added."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(content)
-    whole = {"sha256": hashlib.sha256(content).hexdigest(), "classes": list(CLASSES), **record}
-    path.with_suffix(".json").write_text(json.dumps(whole, indent=1) + "\n", encoding="utf-8")

@@ -94,6 +94,11 @@ def rotate_pose(pose: Pose, turn: Float64Array) -> Pose:
     return replace(pose, heading=float(-heading % 360), pitch=float(pitch), roll=float(roll))
 
 
+def rotation_angle_deg(turn: Float64Array) -> float:
+    """Return the angle of a rotation (3, 3), degrees."""
+    return float(np.degrees(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1))))
+
+
 def rotation_about_z(degrees: float) -> Float64Array:
     """Return the rotation (3, 3) about the vertical, counter-clockwise from above."""
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))

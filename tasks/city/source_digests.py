@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import hashlib
 import json
 from pathlib import Path
@@ -58,11 +59,7 @@ def _digest(values: object, keys: BlockFileSettings, more: tuple[Path, ...], pat
 def _find_files(path: Path) -> list[Path]:
     if path.is_dir():
         return [one for one in path.rglob("*") if one.is_file()]
-    return [one for one in path.parent.glob(f"{_escape_glob(path.stem)}*") if one.is_file()] or [path]
-
-
-def _escape_glob(stem: str) -> str:
-    return "".join(f"[{sign}]" if sign in "*?[" else sign for sign in stem)
+    return [one for one in path.parent.glob(f"{glob.escape(path.stem)}*") if one.is_file()] or [path]
 
 
 def block_code_version() -> str:

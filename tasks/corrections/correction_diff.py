@@ -7,9 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
 from functools import cached_property
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 import numpy as np
+from shapely import MultiPolygon
 
 from catalogs.block.building_corrections import MIN_WALL_HEIGHT_M
 from catalogs.block.correction_values import ElementBox, is_number
@@ -27,9 +28,6 @@ from facade_core.core.types import Element
 from facade_core.facade.correction import find_unmatched_elements
 from tasks.corrections.drawable_values import valid_correction_values
 from tasks.publish.published_run import PublishedBlock
-
-if TYPE_CHECKING:
-    from shapely import MultiPolygon
 
 # Smaller differences come from rounding in exports and journal.
 MIN_SHIFT_TEXELS = 0.6

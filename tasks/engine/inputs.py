@@ -124,12 +124,6 @@ def split_key(key: str) -> dict[str, str]:
     return dict(part.partition(":")[::2] for part in key.split())
 
 
-def differing_inputs(recorded: str, key: str) -> list[str]:
-    """Return the names of the inputs in which two keys differ."""
-    before, now = split_key(recorded), split_key(key)
-    return sorted(name for name in before | now if before.get(name) != now.get(name))
-
-
 def is_valid_key(key: str, digests: Mapping[str, str]) -> bool:
     """Return whether a result with a key is that of the present inputs: no field that it was computed from differs."""
     return all(digests.get(name) == digest for name, digest in split_key(key).items())

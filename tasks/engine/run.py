@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from catalogs.block.settings import WithSettings
 from catalogs.published.folders import Folder, local_run_folder
 from catalogs.published.s3 import folder_at
+from catalogs.readers.pictures.aerial import Orthophoto
+from catalogs.readers.pictures.materials import MaterialPicture, RoofPicture
 from facade_core.core.types import SHIPPED_MODELS, TrainedModelFiles
-
-if TYPE_CHECKING:
-    from catalogs.readers.pictures.aerial import Orthophoto
-    from catalogs.readers.pictures.materials import MaterialPicture, RoofPicture
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-from typing import TYPE_CHECKING
 
+from catalogs.block.reader import Block
 from catalogs.published.folders import Folder
 from catalogs.published.runs import CITY_BLOCKS_FOLDER, CITY_FILE_NAME
 from facade_core.core.errors import InputError, ModelFileError
 from facade_core.core.types import TrainedModelFiles
 from tasks.engine.run import Run
 from tasks.engine.stage_code import stage_code_digest
-
-if TYPE_CHECKING:
-    from catalogs.block.reader import Block
 
 # In the folder of a city: the work that its blocks share.
 SHARED_FOLDER = "shared"

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from catalogs.block import Block
 from catalogs.block.yaml_files import format_yaml
 from catalogs.examples.painted_pictures import PAINTED_PICTURES, is_painted
-
-if TYPE_CHECKING:
-    from catalogs.block import Block
 
 NAME = "helsinki"
 AREA = (24.94575, 60.1651, 24.95025, 60.1673)

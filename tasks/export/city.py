@@ -6,11 +6,16 @@ import json
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import TextIO
 
 from catalogs.printable_text import escape_invisible_json
 from facade_core.core.arrays import Float64Array, IntArray
+from facade_core.core.grouping import group_rows
 from facade_core.core.json_types import JsonObject
+from facade_core.export.bodies.building_models import ground_faces
+from facade_core.export.bodies.model_face import ModelFace
+from facade_core.export.city_models.cityjson import VertexPool, build_geometry, empty_document
+from facade_core.export.models.textured_mesh import GROUND_NODE
 from tasks.engine.progress import report_progress
 from tasks.export.city_objects import (
     building_city_objects,
@@ -21,10 +26,6 @@ from tasks.export.city_objects import (
 )
 from tasks.export.models import append_ground_index, write_texture_pages
 from tasks.publish.published_run import PublishedBlock
-
-if TYPE_CHECKING:
-    from facade_core.export.bodies.model_face import ModelFace
-    from facade_core.export.city_models.cityjson import VertexPool
 
 
 def write_cityjson(
@@ -45,8 +46,6 @@ def write_cityjson(
     files : files to open first.
     notes : remarks for the user.
     """
-    from facade_core.export.city_models.cityjson import VertexPool, empty_document
-
     name = f"{results.block}{'.lod3' if openings else ''}.city.json"
     url, notes = reference_system(results.crs)
     pool = VertexPool(model_origin(results))
@@ -73,8 +72,6 @@ def write_cityjsonseq(results: PublishedBlock, buildings: IntArray, folder: Path
     files : files to open first.
     notes : remarks for the user.
     """
-    from facade_core.export.city_models.cityjson import empty_document
-
     url, notes = reference_system(results.crs)
     origin = model_origin(results)
     name = f"{results.block}.city.jsonl"
@@ -108,8 +105,6 @@ def write_features(
     folder_name : path of the folder relative to the file, ending in a slash; empty if the file is in it.
     rename : returns the id of an object in the file, by its id and whether it is a building.
     """
-    from facade_core.export.city_models.cityjson import VertexPool
-
     images, objects = _list_features(results, buildings, folder, origin, openings=openings)
     images = [f"{folder_name}{image}" for image in images]
     for id, make in objects:
@@ -134,11 +129,6 @@ def _list_features(
     results: PublishedBlock, buildings: IntArray, folder: Path, origin: Float64Array, *, openings: bool
 ) -> tuple[list[str], Iterator[tuple[str, Callable[[VertexPool], JsonObject]]]]:
     """Write the texture pages; return their files, and each feature as (id, builder of its city objects)."""
-    from facade_core.core.grouping import group_rows
-    from facade_core.export.bodies.building_models import ground_faces
-    from facade_core.export.city_models.cityjson import build_geometry
-    from facade_core.export.models.textured_mesh import GROUND_NODE
-
     source = results.textured_mesh
     shown = append_ground_index(results, buildings)
     drawn, images = write_texture_pages(results.textured_mesh, shown, folder, len(shown))

@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from catalogs.readers.annotations import EXPORTED_HEIGHT_ATTRIBUTE
 from facade_core.core.arrays import Float64Array, IntArray
+from facade_core.core.grouping import group_rows
 from facade_core.core.json_types import JsonObject
 from facade_core.core.labels import ELEMENT_PLURALS
 from facade_core.core.types import Element
+from facade_core.export.bodies.alignment import align_with_picture
+from facade_core.export.bodies.building_models import BuildingModelParts, ModelPart, build_building_model_parts
+from facade_core.export.city_models.cityjson import VertexPool, build_geometry
+from facade_core.export.models.textured_mesh import PackedCharts, pack_charts_on_pages
 from tasks.export.models import append_ground_index
 from tasks.export.relief import facade_elements
 from tasks.publish.published_run import PublishedBlock
-
-if TYPE_CHECKING:
-    from facade_core.export.bodies.building_models import BuildingModelParts, ModelPart
-    from facade_core.export.city_models.cityjson import VertexPool
-    from facade_core.export.models.textured_mesh import PackedCharts
 
 # Columns of building materials and colours by attribute name.
 APPEARANCE_ATTRIBUTES = {
@@ -53,8 +53,6 @@ def building_city_objects(
     pool : vertex pool of the document.
     taken : ids in use; new ids are added.
     """
-    from facade_core.export.city_models.cityjson import build_geometry
-
     model = building_model(results, drawn, triangles, index, layouts, pool.origin)
     has_openings = any(surface["type"] in ("Window", "Door") for surface in model.body.surfaces)
     name, lod = results.names[index], "3" if has_openings else "2"
@@ -108,8 +106,6 @@ def building_model(
     layouts : elements by chart, metres.
     origin : (3,) origin of the vertex grid, world metres.
     """
-    from facade_core.export.bodies.building_models import build_building_model_parts
-
     assumed = (
         float(results.buildings["roof_confidence"][index]) < 1 if "roof_confidence" in results.buildings else False
     )
@@ -149,9 +145,6 @@ def building_attributes(results: PublishedBlock, building: int, body: ModelPart)
 
 def compute_building_heights(results: PublishedBlock) -> dict[str, float]:
     """Compute the measured height of each building by id, as exports state it."""
-    from facade_core.core.grouping import group_rows
-    from facade_core.export.models.textured_mesh import pack_charts_on_pages
-
     source, buildings = results.textured_mesh, results.select_buildings(())
     drawn = pack_charts_on_pages(source, source.select_charts(append_ground_index(results, buildings)))
     triangles = group_rows(source.charts.building[source.mesh.chart])
@@ -178,8 +171,6 @@ def _roof_attributes(row: JsonObject) -> JsonObject:
 
 def facade_layouts(results: PublishedBlock, buildings: IntArray) -> dict[int, list[Element]]:
     """Read the elements of finished facades by chart, in metres, aligned with their pictures, and with ledges."""
-    from facade_core.export.bodies.alignment import align_with_picture
-
     source = results.textured_mesh
     return {
         chart: align_with_picture(source.raster(chart), source.texels[chart] / source.extent[chart], elements)

@@ -4,24 +4,34 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from lxml import etree
+from lxml.etree import _Element as Element
 
 from catalogs.features import safe_file_stem
 from catalogs.printable_text import escape_invisible
 from facade_core.core.arrays import IntArray
+from facade_core.core.grouping import group_rows
+from facade_core.core.types import Element as FacadeElement
+from facade_core.export.bodies.building_models import ModelPart, ground_faces
+from facade_core.export.city_models.citygml import (
+    NAMESPACES,
+    PolygonWriter,
+    add_attribute,
+    add_xml_element,
+    boundary_surfaces,
+    expand_prefix,
+    open_citygml_writer,
+    solid_element,
+    xml_id,
+)
+from facade_core.export.city_models.cityjson import VertexPool
+from facade_core.export.models.textured_mesh import GROUND_NODE, PackedCharts
 from tasks.engine.progress import report_progress
 from tasks.export.city_objects import building_attributes, building_model, facade_layouts, model_origin
 from tasks.export.models import append_ground_index, write_texture_pages
 from tasks.publish.published_run import PublishedBlock
-
-if TYPE_CHECKING:
-    from lxml.etree import _Element as Element
-
-    from facade_core.core.types import Element as FacadeElement
-    from facade_core.export.bodies.building_models import ModelPart
-    from facade_core.export.models.textured_mesh import PackedCharts
 
 # Attributes with a CityGML element of their own; all others become generic attributes.
 CITYGML_ATTRIBUTES = ("name", "roofType", "measuredHeight", "storeysAboveGround")
@@ -41,9 +51,6 @@ def write_citygml(results: PublishedBlock, buildings: IntArray, folder: Path) ->
     files : files to open first.
     notes : remarks for the user.
     """
-    from facade_core.core.grouping import group_rows
-    from facade_core.export.city_models.citygml import open_citygml_writer, xml_id
-
     source, shown = results.textured_mesh, append_ground_index(results, buildings)
     drawn, images = write_texture_pages(results.textured_mesh, shown, folder, len(shown))
     triangles = group_rows(source.charts.building[source.mesh.chart])
@@ -73,14 +80,6 @@ def _building(
     layouts: Mapping[int, list[FacadeElement]],
     images: list[str],
 ) -> Element:
-    from facade_core.export.city_models.citygml import (
-        PolygonWriter,
-        add_attribute,
-        add_xml_element,
-        boundary_surfaces,
-        solid_element,
-    )
-    from facade_core.export.city_models.cityjson import VertexPool
 
     origin = model_origin(results)
     model = building_model(results, drawn, triangles, index, layouts, origin)
@@ -131,11 +130,6 @@ def _terrain(
     results: PublishedBlock, drawn: PackedCharts, triangles: IntArray, taken: set[str], images: list[str]
 ) -> list[Element]:
     """Build relief features of the ground, one for each triangulated surface."""
-    from facade_core.export.bodies.building_models import ground_faces
-    from facade_core.export.city_models.citygml import PolygonWriter, add_xml_element
-    from facade_core.export.city_models.cityjson import VertexPool
-    from facade_core.export.models.textured_mesh import GROUND_NODE
-
     origin, members = model_origin(results), []
     for number, faces in enumerate(ground_faces(drawn, triangles, origin)):
         id = f"{GROUND_NODE}-{number}"
@@ -155,8 +149,5 @@ def _terrain(
 
 
 def _member() -> Element:
-    from lxml import etree
-
-    from facade_core.export.city_models.citygml import NAMESPACES, expand_prefix
 
     return etree.Element(expand_prefix("cityObjectMember"), nsmap=NAMESPACES)

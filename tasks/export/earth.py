@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from facade_core.core.arrays import Float64Array
+from facade_core.export.tiles.earth import ProjectedFrame, TilesetFrame, earth_tangent_frame
 from tasks.publish.published_run import PublishedBlock
-
-if TYPE_CHECKING:
-    from facade_core.export.tiles.earth import TilesetFrame
 
 # Value of --crs for tiles in the block's projected CRS instead of the earth-centred frame.
 NATIVE_CRS = "native"
@@ -31,8 +27,6 @@ def georeference_tiles(
     extras : facts for the tileset.
     notes : remarks for the user.
     """
-    from facade_core.export.tiles.earth import ProjectedFrame, earth_tangent_frame
-
     separation = results.group.attrs.get("geoid_separation")
     extras: dict[str, object] = {"block": results.block, "crs": results.crs, "snapshot": results.snapshot.id}
     if crs == NATIVE_CRS:

@@ -5,18 +5,18 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
 from catalogs.features import safe_file_stem
 from catalogs.printable_text import format_count
+from facade_core.atlas.rasters import read_chart_raster
 from facade_core.core.arrays import IntArray
+from facade_core.export.pictures.annotations import AnnotatedFacade, coco_document, labelme_document
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.publish.published_run import PublishedBlock
-
-if TYPE_CHECKING:
-    from facade_core.export.pictures.annotations import AnnotatedFacade
 
 
 def write_coco(results: PublishedBlock, buildings: IntArray, folder: Path) -> tuple[list[str], list[str]]:
@@ -33,8 +33,6 @@ def write_coco(results: PublishedBlock, buildings: IntArray, folder: Path) -> tu
     files : files to open first.
     notes : remarks for the user.
     """
-    from facade_core.export.pictures.annotations import coco_document
-
     (folder / "images").mkdir()
     facades = list(_annotate_facades(results, buildings, folder, "images/"))
     value = coco_document(
@@ -58,8 +56,6 @@ def write_labelme(results: PublishedBlock, buildings: IntArray, folder: Path) ->
     files : the ID.json files.
     notes : remarks for the user.
     """
-    from facade_core.export.pictures.annotations import labelme_document
-
     facades = list(_annotate_facades(results, buildings, folder, ""))
     names = [f"{safe_file_stem(facade.facade)}.json" for facade in facades]
     for name, facade in zip(names, facades, strict=True):
@@ -73,12 +69,6 @@ def _annotate_facades(
     results: PublishedBlock, buildings: IntArray, folder: Path, within: str
 ) -> Iterator[AnnotatedFacade]:
     """Write the picture of every finished facade and yield its annotations."""
-    from PIL import Image
-    from PIL.PngImagePlugin import PngInfo
-
-    from facade_core.atlas.rasters import read_chart_raster
-    from facade_core.export.pictures.annotations import AnnotatedFacade
-
     facades = results.select_finished_facades(buildings)
     said = PngInfo()
     said.add_itxt("Copyright", results.attribution.line)

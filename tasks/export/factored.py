@@ -4,21 +4,29 @@ from __future__ import annotations
 
 import json
 import time
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from facade_core.core.arrays import IntArray
+from facade_core.core.grouping import RowsByValue
+from facade_core.export.factored.glb import encode_factored_glb
+from facade_core.export.factored.parts import build_factored_primitives, merge_pieces, pack_unfactored_charts
+from facade_core.export.factored.texture_packing import PackedTextures, pack_textures, texture_memory_bytes
+from facade_core.export.factored.tiles import FactoredLeafBuilder
+from facade_core.export.factored.wall_geometry import FAR_DETAIL, NEAR_DETAIL, WallPieces
+from facade_core.export.models.encoders import MIPMAP_FACTOR, texture_encoder
+from facade_core.export.models.textured_mesh import filter_triangles, mesh_y_up_frame
+from facade_core.export.tiles.cells import build_quadtree
+from facade_core.export.tiles.far_shells import build_shells
+from facade_core.export.tiles.settings import TILE_CELLS
+from facade_core.export.tiles.tileset import TiledModel, TileSettings, count_tiles, write_tileset
 from tasks.engine.progress import report_progress
 from tasks.export.earth import georeference_tiles
 from tasks.export.factored_walls import build_factored_walls
 from tasks.export.features import build_feature_table
 from tasks.publish.published_run import PublishedBlock
-
-if TYPE_CHECKING:
-    from facade_core.export.factored.texture_packing import PackedTextures
-    from facade_core.export.factored.wall_geometry import WallPieces
 
 STATISTICS_FILE = "figures.json"
 # Texels per metre of coarse tiles relative to those of tilesets with unique texels.
@@ -42,14 +50,6 @@ def write_factored_glb(
     files : files to open first.
     notes : remarks for the user.
     """
-    from facade_core.core.grouping import RowsByValue
-    from facade_core.export.factored.glb import encode_factored_glb
-    from facade_core.export.factored.parts import build_factored_primitives, merge_pieces, pack_unfactored_charts
-    from facade_core.export.factored.texture_packing import pack_textures, texture_memory_bytes
-    from facade_core.export.factored.wall_geometry import NEAR_DETAIL
-    from facade_core.export.models.encoders import texture_encoder
-    from facade_core.export.models.textured_mesh import mesh_y_up_frame
-
     start = time.monotonic()
     source = results.textured_mesh
     walls = build_factored_walls(results, buildings, [NEAR_DETAIL], 1)
@@ -109,19 +109,6 @@ def write_factored_tiles(
     files : files to open first.
     notes : remarks for the user.
     """
-    from dataclasses import replace
-
-    from facade_core.export.factored.parts import merge_pieces
-    from facade_core.export.factored.texture_packing import pack_textures, texture_memory_bytes
-    from facade_core.export.factored.tiles import FactoredLeafBuilder
-    from facade_core.export.factored.wall_geometry import FAR_DETAIL, NEAR_DETAIL
-    from facade_core.export.models.encoders import MIPMAP_FACTOR, texture_encoder
-    from facade_core.export.models.textured_mesh import filter_triangles, mesh_y_up_frame
-    from facade_core.export.tiles.cells import build_quadtree
-    from facade_core.export.tiles.far_shells import build_shells
-    from facade_core.export.tiles.settings import TILE_CELLS
-    from facade_core.export.tiles.tileset import TiledModel, TileSettings, count_tiles, write_tileset
-
     start = time.monotonic()
     whole = results.textured_mesh
     source = replace(whole, mesh=filter_triangles(whole.mesh, np.isin(whole.charts.building[whole.mesh.chart], shown)))
@@ -199,8 +186,6 @@ def write_factored_tiles(
 
 def _texture_statistics(pictures: PackedTextures, whole: WallPieces, rest_bytes: float) -> dict[str, object]:
     """Summarise graphics memory by kind of picture, and the texel density of elements."""
-    from facade_core.export.factored.texture_packing import texture_memory_bytes
-
     grains = texture_memory_bytes(
         [one for one, again in zip(pictures.pictures, pictures.is_repeated, strict=True) if again]
     )

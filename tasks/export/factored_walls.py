@@ -5,23 +5,31 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from catalogs.block.reader import read_block
+from facade_core.atlas.rasters import read_chart_raster
 from facade_core.core.arrays import Int64Array, IntArray, UInt8Array
 from facade_core.core.errors import FacadeError, InputError
+from facade_core.core.grouping import group_rows
+from facade_core.core.resizing import resize_image
+from facade_core.export.bodies.openings import chart_outlines
+from facade_core.export.factored.library import FacadeLibrary, build_library
+from facade_core.export.factored.wall_decomposition import StoredFacadeWall, WallDecomposition
+from facade_core.export.factored.wall_geometry import (
+    WallDetailLevel,
+    WallPieces,
+    WallPolygon,
+    build_wall,
+    is_planar_and_valid,
+)
+from facade_core.parsing.elements import elements
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.engine.store.status import read_run_block_file
 from tasks.harvest.block_style import list_harvested_exemplars
 from tasks.publish.published_run import PublishedBlock
 from tasks.stages.shared.images import read_exemplar_picture
-
-if TYPE_CHECKING:
-    from facade_core.export.factored.library import FacadeLibrary
-    from facade_core.export.factored.wall_decomposition import StoredFacadeWall
-    from facade_core.export.factored.wall_geometry import WallDetailLevel, WallPieces, WallPolygon
 
 # Maximum mean difference between an original and its stored picture in any square, grey levels, and the square's side: half
 # of a face at the texels of a block, so that a part that was replaced is noticed.
@@ -59,10 +67,6 @@ def build_factored_walls(
     details : details to build.
     other_units : units of progress after this step.
     """
-    from facade_core.core.grouping import group_rows
-    from facade_core.export.factored.wall_decomposition import WallDecomposition
-    from facade_core.export.factored.wall_geometry import WallPieces, build_wall
-
     source = results.textured_mesh
     planes = _planar_walls(results, buildings)
     libraries, library_index, notes = _build_libraries(results, list(planes))
@@ -90,10 +94,6 @@ def build_factored_walls(
 
 def _planar_walls(results: PublishedBlock, buildings: IntArray) -> dict[int, list[WallPolygon]]:
     """Collect the polygons of facades with a finished layout and planar walls."""
-    from facade_core.core.grouping import group_rows
-    from facade_core.export.bodies.openings import chart_outlines
-    from facade_core.export.factored.wall_geometry import WallPolygon, is_planar_and_valid
-
     source = results.textured_mesh
     of_chart = group_rows(source.mesh.chart)
     planes = {}
@@ -113,10 +113,6 @@ def _build_libraries(
     results: PublishedBlock, facades: Sequence[int]
 ) -> tuple[list[FacadeLibrary], dict[int, int], list[str]]:
     """Build a library for each exemplar in use and for each photographed facade; map facades to them."""
-    from facade_core.atlas.rasters import read_chart_raster
-    from facade_core.export.factored.library import build_library
-    from facade_core.parsing.elements import elements
-
     exemplars = {r["unit"]: (k, r) for k, r in enumerate(results.journals["exemplars"]) if r and r["status"] == "done"}
     given = _original_exemplars(results)
     libraries: list[FacadeLibrary] = []
@@ -192,15 +188,11 @@ def is_shown_whole(original: UInt8Array, stored: UInt8Array) -> bool:
     """Return whether a stored picture shows its original everywhere, without a replaced occluder or private area."""
     import cv2
 
-    from facade_core.core.resizing import resize_image
-
     difference = np.abs(resize_image(original, stored.shape[:2]).astype(np.float32) - stored).mean(axis=2)
     return float(cv2.blur(difference, (_COMPARED_SIDE_PX, _COMPARED_SIDE_PX)).max()) <= MAX_GREY_DIFFERENCE
 
 
 def _read_facade(results: PublishedBlock, index: int) -> StoredFacadeWall:
-    from facade_core.atlas.rasters import read_chart_raster
-    from facade_core.export.factored.wall_decomposition import StoredFacadeWall
 
     placement, chart = results.plan.scene.placement, int(results.plan.facades.chart[index])
     seed, labels = (

@@ -6,6 +6,8 @@ import io
 from collections.abc import Mapping
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 from catalogs.published.columns import COLUMNS, ItemColumn
 from facade_core.core.errors import InputError
@@ -69,9 +71,6 @@ def build_feature_table(results: PublishedBlock) -> FeatureTable:
 
 def _read_facade_rows(results: PublishedBlock) -> dict[str, JsonObject]:
     """Read the rows of facades by id; columns that an older version did not publish are None."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
     names = [column.name for column in COLUMNS if column.name not in OMITTED_COLUMNS]
     try:
         held = pq.ParquetFile(io.BytesIO(results.snapshot.items.read_bytes()))

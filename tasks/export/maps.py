@@ -4,18 +4,24 @@ from __future__ import annotations
 
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import geopandas as gpd
 import numpy as np
+import pandas as pd
+import shapely
 
 from catalogs.features import safe_file_stem
+from catalogs.published import geoparquet
+from catalogs.published.geopackage import GeoPackageWriter
+from catalogs.published.map_layers import MapContent, build_map_layers
 from facade_core.core.arrays import IntArray
+from facade_core.core.grouping import group_rows
+from facade_core.export.bodies.footprints import building_footprints
+from facade_core.export.bodies.map_surfaces import chart_world_polygons, height_range
+from facade_core.geometry.charts import ChartKind
 from tasks.engine.progress import begin_stage, report_progress
+from tasks.export.city_objects import is_facade
 from tasks.publish.published_run import PublishedBlock
-
-if TYPE_CHECKING:
-    import geopandas as gpd
-    import pandas as pd
 
 # Columns of building materials and colours, stated or corrected.
 APPEARANCE_COLUMNS = ("wall_material", "wall_colour", "roof_material", "roof_colour")
@@ -35,8 +41,6 @@ def write_geopackage(results: PublishedBlock, buildings: IntArray, folder: Path)
     files : files to open first.
     notes : remarks for the user.
     """
-    from catalogs.published.geopackage import GeoPackageWriter
-
     begin_stage("export", 1)
     layers, updated = map_layers(results, buildings)
     name = f"{safe_file_stem(results.block)}.gpkg"
@@ -62,8 +66,6 @@ def write_geoparquet(results: PublishedBlock, buildings: IntArray, folder: Path)
     files : files to open first.
     notes : remarks for the user.
     """
-    from catalogs.published import geoparquet
-
     begin_stage("export", 1)
     layers, _ = map_layers(results, buildings)
     for layer, rows in layers.items():
@@ -88,14 +90,6 @@ def map_layers(
     layers : tables by name.
     updated : time of the newest row of the catalogue; None without rows.
     """
-    import shapely
-
-    from catalogs.published.map_layers import MapContent, build_map_layers
-    from facade_core.core.grouping import group_rows
-    from facade_core.export.bodies.footprints import building_footprints
-    from facade_core.geometry.charts import ChartKind
-    from tasks.export.city_objects import is_facade
-
     plan, charts = results.plan, results.plan.scene.charts
     chart = plan.facades.chart
     across = charts.axis_u[chart] * charts.size[chart, :1]
@@ -145,16 +139,12 @@ def map_layers(
 
 def _height_columns(results: PublishedBlock, triangles: IntArray) -> dict[str, float]:
     """Compute the lowest and highest z of a building, with chimneys and parapets, in the block's heights."""
-    from facade_core.export.bodies.map_surfaces import height_range
-
     low, high = height_range(results.textured_mesh, triangles)
     return {"base_z": round(low, 3), "top_z": round(high, 3)}
 
 
 def _surfaces(results: PublishedBlock, kind: int, buildings: IntArray) -> list[dict[str, object]]:
     """List surfaces of one kind as rows with outline, heights, slope and area; building -1 is the ground."""
-    from facade_core.export.bodies.map_surfaces import chart_world_polygons
-
     source = results.textured_mesh
     charts = source.select_charts(buildings)
     charts = charts[source.charts.kind[charts] == kind]

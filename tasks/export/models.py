@@ -3,23 +3,41 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from catalogs.features import safe_file_stem
 from facade_core.core.arrays import IntArray
 from facade_core.core.errors import InputError
+from facade_core.export.lighting.relighting import build_relightable_mesh
+from facade_core.export.models.encoders import ENCODERS, MIPMAP_FACTOR, texture_encoder
+from facade_core.export.models.glb import encode_glb
+from facade_core.export.models.gltf_materials import TimeOfDay, encode_textures, material_texel_ratio
+from facade_core.export.models.textured_mesh import (
+    PackedCharts,
+    TexturedMesh,
+    build_nodes,
+    draw_page_images,
+    encode_page,
+    filter_triangles,
+    mesh_y_up_frame,
+    pack_charts_on_pages,
+)
+from facade_core.export.surroundings.gltf import SurroundingModel
+from facade_core.export.tiles.cells import build_quadtree
+from facade_core.export.tiles.far_shells import build_shells
+from facade_core.export.tiles.settings import TILE_CELLS
+from facade_core.export.tiles.tileset import TiledModel, TileSettings, count_tiles, view_texture_scale, write_tileset
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.export.earth import georeference_tiles
+from tasks.export.factored import write_factored_glb, write_factored_tiles
+from tasks.export.features import build_feature_table
+from tasks.export.lighting import is_mostly_photographed, relighting_inputs
 from tasks.export.registry import FACTORED
 from tasks.export.relief import add_requested_relief, is_relief_requested
 from tasks.publish.published_run import PublishedBlock
-
-if TYPE_CHECKING:
-    from facade_core.export.models.gltf_materials import TimeOfDay
-    from facade_core.export.models.textured_mesh import PackedCharts, TexturedMesh
 
 # Default picture encoding of 3D Tiles, which every client reads.
 DEFAULT_ENCODING = "jpeg"
@@ -45,9 +63,6 @@ def mesh_with_requested_lighting(
     ------
     InputError : a night model of unlit materials.
     """
-    from facade_core.export.lighting.relighting import build_relightable_mesh
-    from tasks.export.lighting import is_mostly_photographed, relighting_inputs
-
     asked = lit
     if lit is None:
         lit = (lit_by_default or night) and (night or not is_mostly_photographed(results))
@@ -77,8 +92,6 @@ def write_texture_pages(
     folder : target folder.
     other_units : units of progress after this step.
     """
-    from facade_core.export.models.textured_mesh import encode_page, pack_charts_on_pages
-
     drawn = pack_charts_on_pages(source, source.select_charts(shown))
     images = [f"{TEXTURE_FOLDER}/{page:04}.jpg" for page in range(len(drawn.layout.pages))]
     begin_stage("export", len(images) + other_units)
@@ -117,19 +130,7 @@ def write_glb_models(
     notes : remarks for the user.
     """
     if textures is not None:
-        from tasks.export.factored import write_factored_glb
-
         return write_factored_glb(results, buildings, append_ground_index(results, buildings), folder)
-    from facade_core.export.models.encoders import ENCODERS
-    from facade_core.export.models.glb import encode_glb
-    from facade_core.export.models.gltf_materials import encode_textures
-    from facade_core.export.models.textured_mesh import (
-        build_nodes,
-        draw_page_images,
-        mesh_y_up_frame,
-        pack_charts_on_pages,
-    )
-    from facade_core.export.surroundings.gltf import SurroundingModel
 
     source, notes = mesh_with_requested_lighting(results, lit, night, relief, lit_by_default=True)
     source = add_requested_relief(results, source, buildings, relief)
@@ -189,26 +190,7 @@ def write_3dtiles(
     notes : remarks for the user.
     """
     if textures == FACTORED:
-        from tasks.export.factored import write_factored_tiles
-
         return write_factored_tiles(results, buildings, append_ground_index(results, buildings), folder, crs)
-    from dataclasses import replace
-
-    from facade_core.export.models.encoders import MIPMAP_FACTOR, texture_encoder
-    from facade_core.export.models.gltf_materials import material_texel_ratio
-    from facade_core.export.models.textured_mesh import filter_triangles, mesh_y_up_frame
-    from facade_core.export.tiles.cells import build_quadtree
-    from facade_core.export.tiles.far_shells import build_shells
-    from facade_core.export.tiles.settings import TILE_CELLS
-    from facade_core.export.tiles.tileset import (
-        TiledModel,
-        TileSettings,
-        count_tiles,
-        view_texture_scale,
-        write_tileset,
-    )
-    from tasks.export.features import build_feature_table
-
     encoded = texture_encoder(textures)
     source, notes = mesh_with_requested_lighting(results, lit, night, relief, lit_by_default=False)
     chosen = np.isin(source.charts.building[source.mesh.chart], append_ground_index(results, buildings))

@@ -7,6 +7,8 @@ from pathlib import Path
 from catalogs.features import safe_file_stem
 from catalogs.printable_text import escape_invisible
 from facade_core.core.arrays import IntArray
+from facade_core.export.models.obj import format_materials, format_obj
+from facade_core.export.models.textured_mesh import build_nodes, mesh_y_up_frame
 from tasks.engine.progress import report_progress
 from tasks.export.models import append_ground_index, write_texture_pages
 from tasks.export.relief import add_requested_relief
@@ -30,9 +32,6 @@ def write_obj(
     files : files to open first.
     notes : remarks for the user.
     """
-    from facade_core.export.models.obj import format_materials, format_obj
-    from facade_core.export.models.textured_mesh import build_nodes, mesh_y_up_frame
-
     source = add_requested_relief(results, results.textured_mesh, buildings, relief)
     drawn, textures = write_texture_pages(source, append_ground_index(results, buildings), folder, 1)
     frame = mesh_y_up_frame(results.plan.scene.mesh)

@@ -9,9 +9,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
-if TYPE_CHECKING:
-    from pystac import Item
+import pystac
+from pystac import Item
 
+from catalogs.features import safe_file_stem
+from catalogs.stac.facts import DataSourceFacts
+from catalogs.stac.licences import common_license, license_links, licensors
+from catalogs.stac.snapshot import stac_object_json
+from facade_core.export.bodies.wall_plane import PLANE_WKT
+
+if TYPE_CHECKING:
     from facade_core.export.attribution import Attribution
 
 SHEET = "facades.vrt"
@@ -91,8 +98,6 @@ def _write_sheet(
     width : width of the sheet, metres.
     top : height of the upper edge, metres.
     """
-    from facade_core.export.bodies.wall_plane import PLANE_WKT
-
     pixel = min(min(one.pixel_size) for one in pictures)
     lowest = max(y + one.extent[1] for one, (_, y) in zip(pictures, places, strict=True))
     columns, rows = (max(1, round(metres / pixel + 0.5)) for metres in (width, lowest))
@@ -135,13 +140,6 @@ def _element(tag: str, text: str) -> str:
 
 def write_orthophoto_collection(path: Path, block: str, items: Sequence[Item], attribution: Attribution) -> None:
     """Write the STAC Collection of a block's orthophotos, with links to its Items beside it."""
-    import pystac
-
-    from catalogs.features import safe_file_stem
-    from catalogs.stac.facts import DataSourceFacts
-    from catalogs.stac.licences import common_license, license_links, licensors
-    from catalogs.stac.snapshot import stac_object_json
-
     sources = [DataSourceFacts(one.key, one.name, one.licence) for one in attribution.sources]
     boxes = [item.bbox for item in items if item.bbox]
     box = [*map(min, zip(*(b[:2] for b in boxes), strict=True)), *map(max, zip(*(b[2:] for b in boxes), strict=True))]
@@ -169,8 +167,6 @@ def write_orthophoto_collection(path: Path, block: str, items: Sequence[Item], a
 
 def add_to_collection(item: Item, block: str) -> None:
     """Refer from an Item to the Collection beside it."""
-    import pystac
-
     item.collection_id = _collection_id(block)
     item.links.append(pystac.Link("collection", f"./{COLLECTION}", "application/json"))
 
@@ -184,10 +180,6 @@ def write_orthophoto_catalog(path: Path, city: str, children: Sequence[tuple[str
     city : name of the city.
     children : address of the Collection of each block, and its title.
     """
-    import pystac
-
-    from catalogs.stac.snapshot import stac_object_json
-
     catalog = pystac.Catalog(_collection_id(city), f"Orthophotos of the facades of {city}, by block")
     catalog.clear_links()
     catalog.add_link(pystac.Link("root", f"./{CATALOG}", "application/json"))

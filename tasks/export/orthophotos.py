@@ -5,14 +5,28 @@ from __future__ import annotations
 import io
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, TypedDict, cast
+from typing import TypedDict, cast
 
+import geopandas as gpd
 import numpy as np
+import pystac
+import rasterio
+import shapely
+from pandas import Timestamp
+from pystac import Item
+from rasterio.features import rasterize
+from rasterio.transform import Affine
+from shapely import LineString
 
 from catalogs.features import safe_file_stem
 from catalogs.printable_text import escape_invisible, escape_invisible_json
+from catalogs.stac.facts import DataSourceFacts
+from catalogs.stac.items import PROJECTION
+from catalogs.stac.licences import common_license, license_links, licensors
+from facade_core.atlas.rasters import read_chart_raster
 from facade_core.core.arrays import IntArray, UInt8Array
 from facade_core.core.errors import InputError
+from facade_core.export.bodies.wall_plane import PLANE_WKT, WallPlane, wall_outlines, wall_plane
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.export.orthophoto_index import (
     COLLECTION,
@@ -23,13 +37,6 @@ from tasks.export.orthophoto_index import (
     write_row_sheet,
 )
 from tasks.publish.published_run import PublishedBlock
-
-if TYPE_CHECKING:
-    from pandas import Timestamp
-    from pystac import Item
-    from shapely import LineString
-
-    from facade_core.export.bodies.wall_plane import WallPlane
 
 # Side of a tile of the file, texels; small, because facades are small.
 TILE_TEXELS = 256
@@ -64,9 +71,6 @@ def write_cogs(results: PublishedBlock, buildings: IntArray, folder: Path) -> tu
     files : files to open first.
     notes : remarks for the user.
     """
-    from facade_core.atlas.rasters import read_chart_raster
-    from facade_core.export.bodies.wall_plane import wall_plane
-
     facades, source = results.plan.facades, results.textured_mesh
     drawn = set(source.select_charts(buildings).tolist())
     chosen = [i for i in np.flatnonzero(np.isin(facades.building, buildings)).tolist() if facades.chart[i] in drawn]
@@ -97,8 +101,6 @@ def write_cogs(results: PublishedBlock, buildings: IntArray, folder: Path) -> tu
 
 def _read_facade_rows(results: PublishedBlock) -> dict[str, _FacadeRow]:
     """Read the catalogue's rows of facades by id, with foot lines in WGS 84."""
-    import geopandas as gpd
-
     try:
         rows = gpd.read_parquet(io.BytesIO(results.snapshot.items.read_bytes()))
     except (OSError, ValueError) as error:
@@ -110,11 +112,6 @@ def _read_facade_rows(results: PublishedBlock) -> dict[str, _FacadeRow]:
 def _write_cog(
     results: PublishedBlock, path: Path, texels: UInt8Array, plane: WallPlane, chart: int, name: str
 ) -> None:
-    import rasterio
-    from rasterio.features import rasterize
-    from rasterio.transform import Affine
-
-    from facade_core.export.bodies.wall_plane import PLANE_WKT, wall_outlines
 
     height, width = texels.shape[:2]
     polygons = [
@@ -154,14 +151,6 @@ def _item(
     results: PublishedBlock, name: str, row: _FacadeRow, plane: WallPlane, shape: tuple[int, ...], file: str
 ) -> Item:
     """Build the facade's STAC Item: foot line in WGS 84, raster frame by the projection extension, pose."""
-    import pystac
-    import shapely
-
-    from catalogs.stac.facts import DataSourceFacts
-    from catalogs.stac.items import PROJECTION
-    from catalogs.stac.licences import common_license, license_links, licensors
-    from facade_core.export.bodies.wall_plane import PLANE_WKT
-
     sources = [DataSourceFacts(one.key, one.name, one.licence) for one in results.attribution.sources]
     line = row["geometry"]
     placed = None if line is None or line.is_empty else line

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from facade_core.core.arrays import IntArray
 from facade_core.core.types import Element
+from facade_core.export.bodies.textured_relief import add_relief
+from facade_core.export.models.textured_mesh import TexturedMesh
 from tasks.publish.published_run import PublishedBlock
 from tasks.stages.shared.chart_elements import elements_by_chart
-
-if TYPE_CHECKING:
-    from facade_core.export.models.textured_mesh import TexturedMesh
 
 # Values of --relief and of the block key `texture.relief`: elements as geometry, flat walls.
 ELEMENTS = "elements"
@@ -43,8 +40,6 @@ def add_requested_relief(
     buildings : (n,) indices of buildings.
     relief : see `is_relief_requested`.
     """
-    from facade_core.export.bodies.textured_relief import add_relief
-
     if not is_relief_requested(results, relief):
         return source
     # by the textures as published, so that lit and unlit models have the same geometry

@@ -8,6 +8,24 @@ from pathlib import Path
 
 from catalogs.features import safe_file_stem
 from facade_core.core.arrays import IntArray
+from facade_core.export.models.encoders import ENCODERS
+from facade_core.export.models.gltf_materials import DAY, NIGHT, encode_textures
+from facade_core.export.models.textured_mesh import (
+    GROUND_NODE,
+    build_nodes,
+    draw_page_images,
+    mesh_y_up_frame,
+    pack_charts_on_pages,
+)
+from facade_core.export.models.usd import (
+    TextureAssetPaths,
+    ZUpFrame,
+    import_usd_library,
+    write_usd_block,
+    write_usd_building,
+    write_usd_package,
+)
+from facade_core.export.surroundings.usd import write_usd_surroundings
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.export.features import list_building_rows
 from tasks.export.models import append_ground_index, mesh_with_requested_lighting
@@ -47,25 +65,6 @@ def write_usd(
     files : files to open first.
     notes : remarks for the user.
     """
-    from facade_core.export.models.encoders import ENCODERS
-    from facade_core.export.models.gltf_materials import DAY, NIGHT, encode_textures
-    from facade_core.export.models.textured_mesh import (
-        GROUND_NODE,
-        build_nodes,
-        draw_page_images,
-        mesh_y_up_frame,
-        pack_charts_on_pages,
-    )
-    from facade_core.export.models.usd import (
-        TextureAssetPaths,
-        ZUpFrame,
-        import_usd_library,
-        write_usd_block,
-        write_usd_building,
-        write_usd_package,
-    )
-    from facade_core.export.surroundings.usd import write_usd_surroundings
-
     import_usd_library()
     source, notes = mesh_with_requested_lighting(results, lit, night, relief, lit_by_default=True)
     source = add_requested_relief(results, source, buildings, relief)

@@ -8,7 +8,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,13 +17,11 @@ from catalogs.published.snapshot import SnapshotFolder, current_snapshot
 from facade_core.core.arrays import IntArray, UInt8Array
 from facade_core.core.errors import InputError, StoreFormatError
 from facade_core.core.types import Element
+from facade_core.export.attribution import Attribution
+from facade_core.export.models.textured_mesh import TexturedMesh
 from tasks.publish.attribution import read_attribution
 from tasks.publish.stored_block import StoredBlock, read_stored_block
 from tasks.stages.shared.chart_elements import is_finished_facade, stored_elements
-
-if TYPE_CHECKING:
-    from facade_core.export.attribution import Attribution
-    from facade_core.export.models.textured_mesh import TexturedMesh
 
 
 @dataclass(frozen=True)

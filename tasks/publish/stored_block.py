@@ -6,7 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cached_property
-from typing import TYPE_CHECKING, cast
+from typing import cast
+
+import icechunk
 
 from facade_core.atlas.journal import Record, read_journal
 from facade_core.atlas.store import open_root
@@ -19,9 +21,6 @@ from tasks.stages.bundles.refined_poses import read_bundled_pose_records
 from tasks.stages.facades.record import FacadeRecord
 from tasks.stages.journals import Journals, read_typed_journals
 from tasks.stages.poses.record import BundledPoseRecord
-
-if TYPE_CHECKING:
-    import icechunk
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,8 @@ from catalogs.readers.annotations import read_correction_annotations
 from catalogs.readers.formats import read_ground_features
 from catalogs.readers.layouts import read_partial_layout
 from catalogs.readers.pictures.cameras.cameras import read_cameras
-from facade_core.core.json_model import read_json_model, write_json_model
-from facade_core.core.model_file import open_inference_session, read_model_record, write_model
+from facade_core.core.json_model import read_json_model
+from facade_core.core.model_file import open_inference_session, read_model_record
 from tasks.city.blocks import read_city_keys
 from tasks.matching.match_table import read_match_table
 from tests.catalogs.readers.pictures.camera_files import (
@@ -37,6 +37,7 @@ from tests.catalogs.readers.pictures.camera_files import (
     write_pictures,
 )
 from tests.pipeline.stages import write_block
+from training.model_files import write_json_model, write_model
 
 POSES = ring(3)
 

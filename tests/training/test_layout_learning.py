@@ -11,9 +11,9 @@ from facade_core.facade.layout.model import (
     LayoutModel,
     default_layout_model,
     load_layout_model,
-    save_layout_model,
 )
 from training.layout import learning
+from training.layout.train import save_layout_model
 
 DOMAIN = (0.0, 0.0, 200.0, 160.0)
 

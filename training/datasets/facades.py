@@ -10,13 +10,13 @@ from typing import TypeVar
 import numpy as np
 
 from catalogs.reader_errors import short_message
-from catalogs.readers.json_text import load_json_object
+from catalogs.readers.json_text import parse_json_object
 from catalogs.readers.pictures.decoding import open_picture
 from facade_core.core.arrays import AnyArray, UInt8Array
 from facade_core.core.errors import ImageError, InputError
 from facade_core.core.json_types import JsonObject
 from facade_core.core.labels import CLASSES, UNKNOWN, FacadeClass
-from facade_core.core.regular_files import MAX_TEXT_BYTES
+from facade_core.core.regular_files import MAX_TEXT_BYTES, read_regular
 
 T = TypeVar("T")
 
@@ -210,7 +210,7 @@ def read_swiss_street_photos(folder: str | Path) -> Iterator[LabelledFacade]:
     folder = Path(folder)
     path = folder / "annotations.coco.json"
     try:
-        record = load_json_object(path, MAX_TEXT_BYTES)
+        record = parse_json_object(read_regular(path, MAX_TEXT_BYTES), str(path))
         meaning = {category["id"]: _SWISS_CATEGORIES[category["name"]] for category in record["categories"]}
         polygons: dict[int, list[JsonObject]] = {photo["id"]: [] for photo in record["images"]}
         for polygon in sorted(record["annotations"], key=lambda polygon: -polygon["area"]):

@@ -40,7 +40,6 @@ from facade_core.facade.layout.densities import (
     ScoreTermDensities,
 )
 from facade_core.facade.layout.facade_frame import ColumnsAndFloors, Rectangle, fit_columns_and_floors
-from facade_core.facade.layout.floor_hypotheses import log_floor_progressions
 from facade_core.facade.layout.grids import box_array
 from facade_core.facade.layout.model import POLICY_LENGTH, LayoutModel
 from facade_core.facade.layout.proposals import ElementPriors
@@ -405,6 +404,28 @@ def _typical_progressions(layouts: Sequence[Layout], count: int, seed: int) -> F
         return np.ones((1, 4))
     progressions: Float64Array = np.exp(KMeans(count, n_init=3, random_state=seed).fit(values).cluster_centers_)
     return progressions
+
+
+def log_floor_progressions(floors: Float64Array, heights: Float64Array) -> list[tuple[float, ...]]:
+    """Return the log ratios of pitches and heights below each floor from the third on.
+
+    Parameters
+    ----------
+    floors : (F,) floor centres, top to bottom.
+    heights : (F,) window heights.
+
+    Returns
+    -------
+    One tuple of four for each floor, in the order of `extrapolate_floors`.
+    """
+    found = []
+    for k in range(2, len(floors)):
+        pitch, height = np.median(np.diff(floors[:k])), np.median(heights[:k])
+        steps, tall = np.diff(floors[k - 1 :]) / pitch, heights[k:] / height
+        later = np.median(steps[1:]) if len(steps) > 1 else steps[0]
+        row = (steps[0], later, tall[0], np.median(tall[1:]) if len(tall) > 1 else tall[0])
+        found.append(tuple(np.log(row).tolist()))
+    return found
 
 
 def _size_to_spacing_quantiles(layouts: Sequence[Layout]) -> Float64Array:

@@ -10,15 +10,19 @@ import numpy as np
 from benchmarks.painter.facade_plan import plan_facade
 from benchmarks.painter.styles import STYLE_BY_NAME, STYLES
 from catalogs.readers.layouts import LayoutRecord
+from facade_core.core.json_types import JsonObject
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import LAYOUT_NETWORK_NAME, Element
+from facade_core.facade.layout.densities import TERMS
 from facade_core.facade.layout.facade_frame import Rectangle
-from facade_core.facade.layout.model import save_layout_model
+from facade_core.facade.layout.model import MADE_FOR, LayoutModel
+from facade_core.facade.layout.ranking import BoostedTrees
 from training.datasets.layouts import read_layouts, split_layouts_for_training
 from training.layout import learning
 from training.layout.network_export import save_layout_network
 from training.layout.network_training import NetworkSchedule, train_layout_network
 from training.layout.ranking_examples import Layout
+from training.model_files import write_json_model
 
 # Planned facades of the network's training, their seed, and the metres of one of their pixels.
 PLAN_COUNT = 1500
@@ -133,3 +137,32 @@ def _plan_layouts(count: int) -> list[Layout]:
         if MIN_ELEMENTS <= len(layout[0]) <= MAX_PLAN_ELEMENTS:
             found.append(layout)
     return found
+
+
+def save_layout_model(model: LayoutModel, path: str | Path, *, seed: int) -> None:
+    """Write a layout model to a JSON file; equal models give equal bytes."""
+    write_json_model(Path(path), _to_record(model), MADE_FOR, seed=seed, training_set=list(model.training_set))
+
+
+def _to_record(model: LayoutModel) -> JsonObject:
+    return {
+        "mixtures": model.densities.mixtures.tolist(),
+        "patterns": model.densities.patterns.tolist(),
+        "symmetry": model.densities.symmetry.tolist(),
+        "compatibility": model.densities.compatibility.tolist(),
+        "weights": dict(zip(TERMS, model.weights.tolist(), strict=True)),
+        "mean": model.averages_terms,
+        "policies": model.policies.tolist(),
+        "labels": model.label_shares.tolist(),
+        "doors": model.priors.door_sizes.tolist(),
+        "shops": model.priors.shop_sizes.tolist(),
+        "floors": model.priors.floor_progressions.tolist(),
+        "ratios": model.priors.size_to_spacing.tolist(),
+        "styles": model.styles.tolist(),
+        "metric": dict(model.metric_pitches),
+        "likely": model.min_probability.tolist(),
+        "trees": {
+            "base": model.trees.base,
+            **{name: getattr(model.trees, name).tolist() for name in BoostedTrees._fields if name != "base"},
+        },
+    }

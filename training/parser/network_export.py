@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from facade_core.core.model_file import write_model
 from facade_core.parsing.network import NETWORK_VERSION, load_network
+from training.model_files import write_model
 from training.torch_files import encode_onnx
 
 if TYPE_CHECKING:

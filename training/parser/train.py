@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from facade_core.core.errors import InputError
-from facade_core.core.model_file import extend_model_record, read_model_record
+from facade_core.core.model_file import read_model_record
 from facade_core.parsing import network
 from facade_core.parsing.segmenter import parse
 from tasks.publish.catalogue_facts import FACADE_MODELS
@@ -24,6 +24,7 @@ from training.datasets.facades import (
     split_facades_for_training,
 )
 from training.datasets.occluder_boxes import read_occluder_boxes
+from training.model_files import extend_model_record
 from training.parser import network_export, network_training
 from training.parser.calibration import compare_parse_with_truth, fit_calibration
 from training.parser.network_training import TrainingSchedule

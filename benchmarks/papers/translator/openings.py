@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.papers.translator.projection import project_points_to_panorama
 from benchmarks.street.truth import interval
 from facade_core.core.labels import FacadeClass
 from facade_core.geometry.charts import CORNER_SHARES, ChartKind
-from facade_core.geometry.equirectangular import project_points_to_panorama
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
 from facade_core.parsing.segmenter import parse

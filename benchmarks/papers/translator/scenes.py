@@ -10,12 +10,12 @@ from typing import Literal
 
 import numpy as np
 
+from benchmarks.papers.translator.projection import project_points_to_panorama
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Street
 from facade_core.geometry.block_surfaces import build_block_surfaces
 from facade_core.geometry.chart_packing import pack_charts
-from facade_core.geometry.equirectangular import project_points_to_panorama
 from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint, place_viewpoints

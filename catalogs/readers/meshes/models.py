@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from pyproj import CRS
 
 from catalogs.crs import parse_crs
 from catalogs.features import BuildingModels, Remark, select_textures
@@ -26,9 +26,6 @@ from catalogs.readers.meshes.up_axis import turn_up
 from catalogs.readers.settings import LIMITS
 from catalogs.readers.source_keys import NO_SOURCE_KEYS, UP_AXIS_SUFFIXES, SourceKeys
 from facade_core.core.errors import InputError
-
-if TYPE_CHECKING:
-    from pyproj import CRS
 
 
 def read_mesh_buildings(path: Path, lod: str | None = None, keys: SourceKeys = NO_SOURCE_KEYS) -> BuildingModels:

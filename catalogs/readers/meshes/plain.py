@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+import trimesh
+from trimesh import Trimesh
+from trimesh.visual import ColorVisuals, TextureVisuals
 
 from catalogs.features import Remark
 from catalogs.reader_errors import wrap_reader_errors
@@ -14,9 +16,6 @@ from catalogs.readers.meshes.surfaces import MeshContent, MeshSurface
 from catalogs.readers.settings import MODELS
 from facade_core.core.arrays import Float64Array, Int64Array, UInt8Array
 from facade_core.core.regular_files import MAX_MODEL_BYTES, read_regular
-
-if TYPE_CHECKING:
-    from trimesh import Trimesh
 
 PICTURE_REASON = "PLY files with a picture (TextureFile): read without it; export the model as OBJ or glTF"
 UNREAD_COLOURS_REASON = (
@@ -36,8 +35,6 @@ def read_plain_mesh(path: Path) -> MeshContent:
     InputError
         Where the file is no mesh.
     """
-    import trimesh
-
     with wrap_reader_errors(path, "cannot be read as a mesh", "export it again"):
         # no path, or trimesh opens referenced pictures anywhere
         content, kind = io.BytesIO(read_regular(path, MAX_MODEL_BYTES)), path.suffix.lower()[1:]
@@ -68,8 +65,6 @@ def _split_by_colour(mesh: Trimesh) -> list[MeshSurface]:
 
 def _face_colours(mesh: Trimesh) -> UInt8Array | None:
     """Return the colours (t, 3) of the triangles; None without, or where they are of other faces."""
-    from trimesh.visual import ColorVisuals
-
     if not isinstance(mesh.visual, ColorVisuals) or not mesh.visual.defined or len(mesh.faces) == 0:
         return None
     colours: UInt8Array = np.asarray(mesh.visual.face_colors, np.uint8)
@@ -83,8 +78,6 @@ def _pack(colours: UInt8Array) -> Int64Array:
 
 def _unread_colours(mesh: Trimesh) -> str | None:
     """Return the reason why colours of a mesh are not read; None where they are, or where it has none."""
-    from trimesh.visual import TextureVisuals
-
     if "stl" in mesh.face_attributes:
         return STL_COLOURS_REASON if np.any(mesh.face_attributes["stl"]) else None
     if isinstance(mesh.visual, TextureVisuals):

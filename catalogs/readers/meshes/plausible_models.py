@@ -5,18 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from pyproj import CRS
 
 from catalogs.features import BuildingModel, Remark
 from catalogs.readers.meshes.surfaces import MeshSurface
 from catalogs.readers.settings import MODELS
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
-
-if TYPE_CHECKING:
-    from pyproj import CRS
 
 # Names of objects that programs export along with buildings.
 _OTHER_OBJECT = re.compile(

@@ -11,6 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from catalogs.features import BuildingModel, Fault, Remark
 from catalogs.readers.material_colours import choose_finish
@@ -226,9 +228,6 @@ def _split_components(surfaces: Sequence[MeshSurface], name: str) -> Iterator[tu
 
 def _connected_components(corners: Float64Array) -> Int64Array:
     """Return the component number (t,) of each triangle; triangles that share a vertex are connected."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     points = corners.reshape(-1, 3)
     finite = np.asarray(np.isfinite(points).all(axis=1))
     grid = np.round(np.where(finite[:, None], points, 0.0) / MODELS.weld_m).astype(np.int64)
@@ -247,9 +246,6 @@ def _connected_components(corners: Float64Array) -> Int64Array:
 
 def _merge_overlapping(corners: Float64Array, component: IntArray) -> IntArray:
     """Return component numbers (t,) with each component merged into the component that it overlaps most."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     count = int(component.max()) + 1
     if count == 1:
         return component

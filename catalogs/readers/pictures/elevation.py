@@ -5,9 +5,16 @@ from __future__ import annotations
 import math
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from pyproj import CRS, Transformer
+from rasterio import Affine
+from rasterio.enums import Resampling
+from rasterio.errors import RasterioError
+from rasterio.io import DatasetReader
+from rasterio.transform import from_origin, rowcol, xy
+from rasterio.warp import reproject
+from rasterio.windows import Window
 
 from catalogs.crs import metres_per_height_unit
 from catalogs.readers.pictures.rasters import (
@@ -24,11 +31,6 @@ from facade_core.core.arrays import Float32Array, Float64Array, IntArray
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import open_regular
 from facade_core.core.types import ElevationRaster
-
-if TYPE_CHECKING:
-    from pyproj import CRS
-    from rasterio.io import DatasetReader
-    from rasterio.windows import Window
 
 # Units of a band by the words of their names; of other names they are metres.
 _METRES_BY_UNIT_WORD = {
@@ -100,12 +102,6 @@ def _find_driver(path: Path, depth: int = 0) -> str:
 def _read_around(
     raster: DatasetReader, path: Path, crs: CRS, bounds: tuple[float, float, float, float]
 ) -> ElevationRaster:
-    from pyproj import Transformer
-    from rasterio import Affine
-    from rasterio.enums import Resampling
-    from rasterio.transform import from_origin, rowcol, xy
-    from rasterio.warp import reproject
-    from rasterio.windows import Window
 
     check_georeference(raster, path, "put its world file beside it, or give a GeoTIFF")
     raster_crs = read_raster_crs(raster, path)
@@ -197,9 +193,6 @@ def _check_bands(raster: DatasetReader, path: Path) -> None:
 
 def _read_heights(raster: DatasetReader, path: Path, crs: CRS, window: Window, shape: tuple[int, int]) -> Float32Array:
     """Return the heights of a window in metres, averaged to a shape (rows, columns), NaN where unknown."""
-    from rasterio.enums import Resampling
-    from rasterio.errors import RasterioError
-
     try:
         found = raster.read(1, window=window, out_shape=shape, masked=True, resampling=Resampling.average)
     except RasterioError as error:
@@ -238,8 +231,6 @@ def note_assumed_unit(path: Path) -> tuple[str, ...]:
     InputError
         Where the file is no raster.
     """
-    from pyproj import CRS
-
     with open_raster(path, _find_driver(path), "a raster", REMEDY) as raster:
         crs = read_raster_crs(raster, path)
         if crs is None or _stated_unit(raster) or (raster.crs and CRS.from_wkt(raster.crs.to_wkt()).is_compound):
@@ -268,9 +259,6 @@ def _check_slope(heights: Float32Array, step: float, path: Path) -> None:
 
 def _find_damaged_place(raster: DatasetReader, window: Window) -> str | None:
     """Return the middle "x, y" of the first stored block of a window that cannot be read; None where each can."""
-    from rasterio.errors import RasterioError
-    from rasterio.windows import Window
-
     rows, columns = raster.block_shapes[0]
     for row in range(window.row_off // rows * rows, window.row_off + window.height, rows):
         for column in range(window.col_off // columns * columns, window.col_off + window.width, columns):

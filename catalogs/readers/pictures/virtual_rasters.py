@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from xml.etree.ElementTree import Element
 
 from catalogs.reader_errors import wrap_reader_errors
 from catalogs.readers.gdal_files import check_siblings
@@ -12,9 +12,6 @@ from catalogs.readers.pictures.rasters import check_sidecar
 from catalogs.readers.settings import PICTURES
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import read_regular
-
-if TYPE_CHECKING:
-    from xml.etree.ElementTree import Element
 
 REMEDY = "give one GeoTIFF (gdal_translate)"
 # Elements of mosaics of gdalbuildvrt and gdal_translate. Other elements read any file as raw numbers, warp, compute, or open

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from catalogs.features import Centreline, CentrelinesAndGround, Fault
 from catalogs.reader_errors import fault_reason
 from catalogs.readers.settings import LIMITS, VECTORS
-
-if TYPE_CHECKING:
-    from shapely.geometry.base import BaseGeometry
 
 
 def build_centrelines(

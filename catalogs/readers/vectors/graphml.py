@@ -7,20 +7,21 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, SupportsFloat
+from typing import SupportsFloat
 
+import networkx
 import shapely
+from defusedxml import DefusedXmlException, ElementTree
+from pyproj import CRS
+from pyproj.exceptions import CRSError
 from shapely import LineString
+from shapely.geometry.base import BaseGeometry
 
 from catalogs.features import CentrelinesAndGround, Fault, GroundFeature
 from catalogs.reader_errors import wrap_reader_errors
 from catalogs.readers.vectors.centrelines import build_centrelines
 from catalogs.readers.vectors.osm import is_street, split_osmnx_values
 from facade_core.core.errors import InputError
-
-if TYPE_CHECKING:
-    import networkx
-    from shapely.geometry.base import BaseGeometry
 
 
 def read_graphml_centrelines(path: Path) -> CentrelinesAndGround:
@@ -69,8 +70,6 @@ def read_graphml_centrelines(path: Path) -> CentrelinesAndGround:
 
 
 def _load_graph(path: Path) -> networkx.Graph:
-    import networkx
-    from defusedxml import DefusedXmlException, ElementTree
 
     with wrap_reader_errors(path, "cannot be read as GraphML", "write it with osmnx.save_graphml"):
         try:
@@ -97,9 +96,6 @@ def _node_position(attributes: Mapping[str, SupportsFloat | str]) -> tuple[float
 
 def _graph_crs(path: Path, stated: object) -> str | None:
     """Return EPSG:n or WKT of the graph's attribute `crs`, which old versions write as {'init': 'epsg:n'}."""
-    from pyproj import CRS
-    from pyproj.exceptions import CRSError
-
     if stated is None or str(stated).strip() in ("", "None"):
         return None
     text = str(stated).strip()

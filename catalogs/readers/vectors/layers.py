@@ -8,10 +8,16 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import geopandas
 import numpy as np
+import pyarrow
+import pyarrow as pa
+import pyarrow.parquet as pq
 import shapely
+from geopandas import GeoDataFrame
+from pyarrow import parquet
+from shapely.geometry.base import BaseGeometry
 
 from catalogs.crs import LONLAT, metres_per_height_unit
 from catalogs.features import Remark, natural_sort_key
@@ -36,12 +42,6 @@ from catalogs.readers.vectors.shapefile_text import RAW_ENCODING, decode_field_n
 from catalogs.readers.vectors.solids import build_solid, convert_surface_wkb
 from facade_core.core.arrays import ObjectArray
 from facade_core.core.errors import InputError
-
-if TYPE_CHECKING:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-    from geopandas import GeoDataFrame
-    from shapely.geometry.base import BaseGeometry
 
 _HEIGHT_TAGS = frozenset(("height", "height:eaves", "building:levels"))
 _UNREAD_NUMBERS_REASON = (
@@ -319,9 +319,6 @@ def _read_integers(path: Path, layer: str, names: list[str]) -> pa.Table:
 
 
 def _read_parquet(path: Path, with_numbers: bool) -> tuple[GeoDataFrame, dict[str, str]]:
-    import geopandas
-    import pyarrow
-    from pyarrow import parquet
 
     file = parquet.ParquetFile(path)
     if file.metadata.num_rows > LIMITS.max_features:

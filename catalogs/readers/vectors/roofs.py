@@ -5,17 +5,14 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from catalogs.readers.settings import VECTORS
 from catalogs.readers.vectors.lengths import parse_floor_count, parse_length
 from facade_core.core.types import Roof
-
-if TYPE_CHECKING:
-    from shapely.geometry.base import BaseGeometry
 
 # Synonyms of shapes; other shapes pass unchanged.
 _SHAPE_SYNONYMS = {

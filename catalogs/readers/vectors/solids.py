@@ -6,21 +6,17 @@ import struct
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import chain
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
 
 from catalogs.crs import EARTH_RADIUS_M
 from catalogs.readers.faces import PlanarFace, newell_normal, triangulate_faces
 from catalogs.readers.settings import VECTORS
 from facade_core.core.arrays import Float64Array
-
-if TYPE_CHECKING:
-    from shapely import Polygon
-    from shapely.geometry.base import BaseGeometry
-
-    from facade_core.core.types import BuildingShell
+from facade_core.core.types import BuildingShell
 
 # Types of surfaces of ISO 13249-3 that GEOS does not read, and the equivalent type.
 _EQUIVALENT_TYPES = {15: 6, 16: 6, 17: 3}

@@ -8,11 +8,12 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeGuard
+from typing import TypeGuard
 
 import numpy as np
 import shapely
 from pyproj import CRS
+from shapely.geometry.base import BaseGeometry
 
 from catalogs.crs import LONLAT, coordinate_transform
 from catalogs.features import CentrelinesAndGround, Fault, Footprints, GroundFeature, Remark
@@ -32,9 +33,6 @@ from catalogs.readers.vectors.osm import (
 )
 from catalogs.readers.vectors.solids import build_solid, is_open_walls
 from facade_core.core.errors import InputError
-
-if TYPE_CHECKING:
-    from shapely.geometry.base import BaseGeometry
 
 _BUILDING_LAYERS = ("building", "pand", "footprint", "gebaeude", "gebäude", "batiment", "multipolygon")
 # Columns of ground layers, and tags of ground features.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float32Array, UInt8Array
@@ -56,8 +57,6 @@ def snap_to_boxes(labels: UInt8Array) -> UInt8Array:
     -------
     (h, w) facade classes.
     """
-    import cv2
-
     found = labels.copy()
     glazed = np.isin(labels, (FacadeClass.WINDOW, FacadeClass.SHOP, FacadeClass.DOOR)).astype(np.uint8)
     _, of = cv2.connectedComponents(glazed, connectivity=4, ltype=cv2.CV_32S)
@@ -82,8 +81,6 @@ def snap_to_boxes(labels: UInt8Array) -> UInt8Array:
 
 def find_openings(labels: UInt8Array) -> Iterator[FacadeOpening]:
     """Find the windows and shops in labels (h, w) of `snap_to_boxes`."""
-    import cv2
-
     taken = np.zeros(labels.shape, bool)
     for one in elements(labels):
         if one.label in ("window", "shop"):
@@ -110,8 +107,6 @@ def glass_mask(opening: FacadeOpening, grey: UInt8Array, density: float) -> Bool
     -------
     (h, w) bool over the box of the opening.
     """
-    import cv2
-
     inside = np.ones(opening.shape, bool)
     height = len(inside)
     if opening.label == FacadeClass.SHOP:

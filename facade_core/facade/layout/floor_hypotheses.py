@@ -22,7 +22,7 @@ def extrapolate_floors(
     floors : (F,) centres of at least two observed floors, top to bottom.
     heights : (F,) their window heights.
     progression : (4,) first and later step in observed pitches, height of the first and of later windows in observed
-        heights, as `log_floor_progressions` measures them. Upward steps use the inverse: floors that grow downwards
+        heights, as training measures them. Upward steps use the inverse: floors that grow downwards
         shrink upwards.
     low, high : y extent of the domain.
 
@@ -42,28 +42,6 @@ def extrapolate_floors(
                 break
             found.append((at, own))
     return np.array(found).reshape(-1, 2)
-
-
-def log_floor_progressions(floors: Float64Array, heights: Float64Array) -> list[tuple[float, ...]]:
-    """Return the log ratios of pitches and heights below each floor from the third on.
-
-    Parameters
-    ----------
-    floors : (F,) floor centres, top to bottom.
-    heights : (F,) window heights.
-
-    Returns
-    -------
-    One tuple of four for each floor, in the order of `extrapolate_floors`.
-    """
-    found = []
-    for k in range(2, len(floors)):
-        pitch, height = np.median(np.diff(floors[:k])), np.median(heights[:k])
-        steps, tall = np.diff(floors[k - 1 :]) / pitch, heights[k:] / height
-        later = np.median(steps[1:]) if len(steps) > 1 else steps[0]
-        row = (steps[0], later, tall[0], np.median(tall[1:]) if len(tall) > 1 else tall[0])
-        found.append(tuple(np.log(row).tolist()))
-    return found
 
 
 def resample_lines(

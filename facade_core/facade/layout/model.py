@@ -11,7 +11,7 @@ import numpy as np
 
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import ModelFileError
-from facade_core.core.json_model import read_json_model, write_json_model
+from facade_core.core.json_model import read_json_model
 from facade_core.core.json_types import JsonObject
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import LAYOUT_NETWORK_NAME, TrainedModelFiles
@@ -32,7 +32,7 @@ SHIPPED_LAYOUT_MODEL = Path(__file__).parent / "models" / "layouts.json"
 SHIPPED_LAYOUT_NETWORK = SHIPPED_LAYOUT_MODEL.with_name(LAYOUT_NETWORK_NAME)
 MODEL_FORMAT = 3
 POLICY_LENGTH = 15  # parameters of a policy of the layout paper
-_MADE_FOR = {
+MADE_FOR = {
     "format": MODEL_FORMAT,
     "labels": list(ELEMENT_CLASSES),
     "descriptors": proposal_features.FEATURES_VERSION,
@@ -89,7 +89,7 @@ def load_layout_model(path: str | Path) -> LayoutModel:
         If the file is missing, its checksum differs, or another version wrote it.
     """
     path = Path(path)
-    record = read_json_model(path, "layout model", _MADE_FOR, _REMEDY)
+    record = read_json_model(path, "layout model", MADE_FOR, _REMEDY)
     try:
         model = _from_record(record["model"], tuple(record["training_set"]))
     except (KeyError, TypeError, ValueError) as error:
@@ -106,35 +106,6 @@ def load_cached_model(path: Path) -> LayoutModel:
 @lru_cache(maxsize=2)
 def _load_version(path: Path, _size: int, _modified: int) -> LayoutModel:
     return load_layout_model(path)
-
-
-def save_layout_model(model: LayoutModel, path: str | Path, *, seed: int) -> None:
-    """Write a layout model to a JSON file; equal models give equal bytes."""
-    write_json_model(Path(path), _to_record(model), _MADE_FOR, seed=seed, training_set=list(model.training_set))
-
-
-def _to_record(model: LayoutModel) -> JsonObject:
-    return {
-        "mixtures": model.densities.mixtures.tolist(),
-        "patterns": model.densities.patterns.tolist(),
-        "symmetry": model.densities.symmetry.tolist(),
-        "compatibility": model.densities.compatibility.tolist(),
-        "weights": dict(zip(TERMS, model.weights.tolist(), strict=True)),
-        "mean": model.averages_terms,
-        "policies": model.policies.tolist(),
-        "labels": model.label_shares.tolist(),
-        "doors": model.priors.door_sizes.tolist(),
-        "shops": model.priors.shop_sizes.tolist(),
-        "floors": model.priors.floor_progressions.tolist(),
-        "ratios": model.priors.size_to_spacing.tolist(),
-        "styles": model.styles.tolist(),
-        "metric": dict(model.metric_pitches),
-        "likely": model.min_probability.tolist(),
-        "trees": {
-            "base": model.trees.base,
-            **{name: getattr(model.trees, name).tolist() for name in BoostedTrees._fields if name != "base"},
-        },
-    }
 
 
 def _from_record(content: JsonObject, training_set: tuple[str, ...]) -> LayoutModel:

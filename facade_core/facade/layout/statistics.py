@@ -37,7 +37,7 @@ _MAX_GROUND_GAP = 0.5
 
 
 @njit(cache=True)
-def cluster_positions_compiled(values: Float64Array, gap: float) -> tuple[Float64Array, Int64Array]:
+def cluster_positions_compiled(values: Float64Array, gap: float) -> Float64Array:
     """Cluster positions whose neighbours differ by at most `gap`, in compiled code.
 
     Parameters
@@ -47,10 +47,9 @@ def cluster_positions_compiled(values: Float64Array, gap: float) -> tuple[Float6
 
     Returns
     -------
-    (K,) cluster means, ascending, and (N,) cluster index of each value.
+    (K,) cluster means, ascending.
     """
     order = argsort_few(values)
-    run = np.empty(len(values), np.int64)
     means = np.empty(len(values))
     count, total, k = 0, 0.0, -1
     for j in range(len(order)):
@@ -61,8 +60,7 @@ def cluster_positions_compiled(values: Float64Array, gap: float) -> tuple[Float6
         count += 1
         total += v
         means[k] = total / count
-        run[order[j]] = k
-    return means[: k + 1], run
+    return means[: k + 1]
 
 
 @njit(cache=True)
@@ -120,8 +118,8 @@ def measure_layout(
                 count += 1
         width, height = _median(wide[:count]), _median(high[:count])
         size[g, 0], size[g, 1] = width, height
-        xs, _ = cluster_positions_compiled(middle_x[:count], ALIGNMENT_TOLERANCE * width)
-        ys, _ = cluster_positions_compiled(middle_y[:count], ALIGNMENT_TOLERANCE * height)
+        xs = cluster_positions_compiled(middle_x[:count], ALIGNMENT_TOLERANCE * width)
+        ys = cluster_positions_compiled(middle_y[:count], ALIGNMENT_TOLERANCE * height)
         column_count[g], row_count[g] = len(xs), len(ys)
         for k in range(len(xs)):
             columns[g, k] = xs[k]

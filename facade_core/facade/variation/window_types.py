@@ -10,7 +10,7 @@ import numpy as np
 
 from facade_core.core.arrays import Float64Array, Int32Array
 from facade_core.core.fixed_order import multiply_matrices
-from facade_core.core.json_model import read_json_model, write_json_model
+from facade_core.core.json_model import read_json_model
 from facade_core.facade.variation.element_types import (
     choose_representatives,
     cluster_types,
@@ -26,7 +26,7 @@ SHIPPED_WINDOW_METRIC = Path(__file__).parent / "models" / "window_types.json"
 WINDOW_STATES = ("glass", "cloth", "half", "closed", "open")
 # A larger logit is certain.
 _MAX_LOGIT = 50.0
-_MADE_FOR = {"features": FEATURES_VERSION, "states": list(WINDOW_STATES)}
+MADE_FOR = {"features": FEATURES_VERSION, "states": list(WINDOW_STATES)}
 _REMEDY = "fetch it again or run `streetloom train windows`"
 # Two clusters are of one type if their windows are alike with at least this mean probability.
 _MIN_SIMILARITY = 0.5
@@ -142,14 +142,5 @@ def load_window_metric(path: Path) -> WindowMetric:
     ModelError
         The file is missing or invalid, its checksum differs, or another version wrote it.
     """
-    record = read_json_model(path, "metric of windows", _MADE_FOR, _REMEDY)
+    record = read_json_model(path, "metric of windows", MADE_FOR, _REMEDY)
     return WindowMetric(*(np.array(record["model"][field], float) for field in WindowMetric._fields))
-
-
-def save_window_metric(metric: WindowMetric, path: Path, **details: object) -> None:
-    """Write a metric of windows with its checksum; equal metrics give equal bytes."""
-    content = {
-        field: np.array([float(f"{v:.6g}") for v in values.ravel()]).reshape(values.shape).tolist()
-        for field, values in zip(metric._fields, metric, strict=True)
-    }
-    write_json_model(path, content, _MADE_FOR, **details)

@@ -76,7 +76,7 @@ def _section_corners(overhang: Overhang, number: int, other: int, after: int) ->
     for out, up in (GUTTERS.rim_m, GUTTERS.belly_m, GUTTERS.back_m, GUTTERS.trough_m):
         step = None
         if other >= 0:
-            step = mitre_offset(edge._replace(width=edge.width + out), _widen(overhang.edges[other], out))
+            step = mitre_offset(*(one._replace(width=one.width + out) for one in (edge, overhang.edges[other])))
         place = (
             end[:2]
             + out * edge.outward
@@ -86,10 +86,6 @@ def _section_corners(overhang: Overhang, number: int, other: int, after: int) ->
             place = corner[:2] + step
         found.append(np.append(place, end[2] + up))
     return found
-
-
-def _widen(edge: RoofEdge, out: float) -> RoofEdge:
-    return edge._replace(width=edge.width + out)
 
 
 def _pipe_positions(edges: list[RoofEdge], eaves: list[bool], last: bool) -> list[tuple[int, bool]]:

@@ -69,16 +69,11 @@ def neighbour_area_above_eaves(
     return shapely.union_all(
         [
             one.footprint.buffer(ROOF_EDGES.neighbour_clearance_m, join_style="mitre")
-            if _is_same_building(own, one)
+            if one.whole_id == own.whole_id
             else one.footprint
             for one in high
         ]
     )
-
-
-def _is_same_building(own: Building, other: Building) -> bool:
-    """Return whether both are parts of one building, or one is a part of the other."""
-    return own.whole_id == other.whole_id
 
 
 def _base_height(building: Building, terrain: Terrain) -> float:

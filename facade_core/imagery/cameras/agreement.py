@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, NumericArray, UInt8Array
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, UInt8Array
 from facade_core.core.levelling import fill_unknown_values
 from facade_core.imagery.cameras.settings import AGREEMENT
-from facade_core.imagery.rectify.fusion import ChartView
+from facade_core.imagery.rectify.fusion import ChartView, square_means
 
 
 class ViewAgreementBySquares(NamedTuple):
@@ -230,16 +230,6 @@ def mean_log_colour(rgb: UInt8Array, mask: BoolArray, side: int) -> tuple[Float3
     -------
     Logarithm (r, c, 3), and the share (r, c) of the square that is in the mask.
     """
-    share = _square_means(mask.astype(np.float32), side)
-    total = _square_means(rgb * mask[..., None].astype(np.float32), side)
+    share = square_means(mask.astype(np.float32), side)
+    total = square_means(rgb * mask[..., None].astype(np.float32), side)
     return np.log(np.maximum(total / np.maximum(share, 1e-6)[..., None], 1.0)), share
-
-
-def _square_means(array: NumericArray, side: int) -> Float32Array:
-    """Means over squares of `side` texels of an array (h, w) or (h, w, 3), padded with 0."""
-    import cv2
-
-    rows, columns = (-(-n // side) for n in array.shape[:2])
-    padding = (0, rows * side - array.shape[0], 0, columns * side - array.shape[1])
-    whole = cv2.copyMakeBorder(array.astype(np.float32), *padding, cv2.BORDER_CONSTANT, value=(0, 0, 0))
-    return np.asarray(cv2.resize(whole, (columns, rows), interpolation=cv2.INTER_AREA), np.float32)

@@ -11,7 +11,7 @@ from facade_core.core.arrays import Float64Array, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.panorama_camera import camera_position, rotate_pose, rotation_about_z
+from facade_core.imagery.panorama_camera import camera_position, rotate_pose, rotation_about_z, rotation_angle_deg
 from facade_core.imagery.poses.outlines import (
     CameraPositionEstimate,
     Gradients,
@@ -132,7 +132,7 @@ def refine_pose(scene: Scene, image: UInt8Array, pose: Pose, *, height_is_assume
         given_fit=fit_before,
         fit=fit_after,
         moved_m=float(np.linalg.norm(camera_position(refined) - camera_position(pose))),
-        turned_deg=_rotation_angle_deg(rotation),
+        turned_deg=rotation_angle_deg(rotation),
         lines=len(lines),
         outlines=groups,
         reasons=tuple(reasons),
@@ -261,11 +261,11 @@ def _line_rotation(lines: WallLines) -> tuple[Float64Array, str]:
             identity,
             f"turn as given: {len(lines)} lines on walls in sight, at least {REFINEMENT.min_lines} long ones are needed",
         )
-    rotation, _ = solve_rotation_from_lines(lines)
-    if _rotation_angle_deg(rotation) > REFINEMENT.max_turn_deg:
+    rotation = solve_rotation_from_lines(lines)
+    if rotation_angle_deg(rotation) > REFINEMENT.max_turn_deg:
         return (
             identity,
-            f"turn as given: the lines on walls ask for {_rotation_angle_deg(rotation):.1f} degrees; check the heading",
+            f"turn as given: the lines on walls ask for {rotation_angle_deg(rotation):.1f} degrees; check the heading",
         )
     if line_misfit(lines, rotation) > (1 - REFINEMENT.min_misfit_decrease) * line_misfit(lines, identity):
         return (
@@ -273,7 +273,3 @@ def _line_rotation(lines: WallLines) -> tuple[Float64Array, str]:
             f"turn as given: lines on walls are {median_line_angle(lines, identity):.2f} degrees off and would stay so",
         )
     return rotation, ""
-
-
-def _rotation_angle_deg(turn: Float64Array) -> float:
-    return float(np.degrees(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1))))

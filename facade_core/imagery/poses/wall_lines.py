@@ -136,7 +136,7 @@ def _lines_on_wall(
     return plane / np.maximum(size_of, 1e-12)[:, None], axis, wall, np.minimum(size_of, 0.3), np.full(n, chart)
 
 
-def solve_rotation_from_lines(lines: WallLines) -> tuple[Float64Array, Float64Array]:
+def solve_rotation_from_lines(lines: WallLines) -> Float64Array:
     """Solve for the world rotation that aligns lines with their axes.
 
     Least squares of the angles between axes and planes, reweighted for a Cauchy error that narrows.
@@ -147,12 +147,11 @@ def solve_rotation_from_lines(lines: WallLines) -> tuple[Float64Array, Float64Ar
 
     Returns
     -------
-    Rotation (3, 3), and its information (3, 3) in 1 / degrees squared.
+    Rotation (3, 3).
     """
     from scipy.spatial.transform import Rotation
 
     turn = np.eye(3)
-    information = np.eye(3) / WALL_LINES.prior_sigma_deg**2
     for scale in WALL_LINES.cauchy_scales_deg:
         plane = lines.plane @ turn.T
         angle = np.degrees(np.arcsin(np.clip(np.einsum("ij,ij->i", plane, lines.axis), -1, 1)))
@@ -162,7 +161,7 @@ def solve_rotation_from_lines(lines: WallLines) -> tuple[Float64Array, Float64Ar
         before = np.degrees(Rotation.from_matrix(turn).as_rotvec())
         step = np.linalg.solve(information, -gradient.T @ (weight * angle) - before / WALL_LINES.prior_sigma_deg**2)
         turn = Rotation.from_rotvec(np.radians(step)).as_matrix() @ turn
-    return turn, information
+    return turn
 
 
 def line_misfit(lines: WallLines, turn: Float64Array) -> float:

@@ -134,8 +134,10 @@ def fuse_views(views: Sequence[ChartView], *, exposures_match: bool = False) -> 
         return FusedView(rgb, seen[0], seen[0].astype(np.int8) - 1, quality[0] * clear[0], seen[0] & ~clear[0])
     cell = max(1, -(-max(seen.shape[1:]) // CELLS))
     basis = np.stack([_colour_texels(view, cell) for view in views])
-    share_seen, share_clear, share = (np.stack([_cell_means(m, cell) for m in masks]) for masks in (seen, clear, basis))
-    colour = np.stack([_cell_means(v.rgb * m[..., None], cell) for v, m in zip(views, basis, strict=True)])
+    share_seen, share_clear, share = (
+        np.stack([square_means(m, cell) for m in masks]) for masks in (seen, clear, basis)
+    )
+    colour = np.stack([square_means(v.rgb * m[..., None], cell) for v, m in zip(views, basis, strict=True)])
     colour /= np.maximum(share, 1e-6)[..., None]
     gain = (
         np.ones((len(views), 3))
@@ -143,13 +145,13 @@ def fuse_views(views: Sequence[ChartView], *, exposures_match: bool = False) -> 
         else _exposure_gains(colour, share_clear > 0.5, quality.sum(axis=(1, 2)))
     )
     even = np.clip(colour * gain[:, None, None], 0, 255) / 255
-    unary = _unary_costs(even, share_seen, share_clear, np.stack([_cell_means(q, cell) for q in quality]))
+    unary = _unary_costs(even, share_seen, share_clear, np.stack([square_means(q, cell) for q in quality]))
     label = _alpha_expansion(unary, _fill_unseen(even, share_seen)).repeat(cell, axis=0).repeat(cell, axis=1)
     return _compose(views, gain, seen, clear, quality, label[: seen.shape[1], : seen.shape[2]])
 
 
-def _cell_means(array: NumericArray | BoolArray, cell: int) -> Float32Array:
-    """Means over square cells of an array (h, w) or (h, w, 3), float32, padded with 0."""
+def square_means(array: NumericArray | BoolArray, cell: int) -> Float32Array:
+    """Return means over squares of `cell` texels of an array (h, w) or (h, w, 3), float32, padded with 0."""
     import cv2
 
     rows, columns = (-(-n // cell) for n in array.shape[:2])
@@ -162,7 +164,7 @@ def _colour_texels(view: ChartView, cell: int) -> BoolArray:
     """Texels (h, w) bool that define a view's colour of a cell: the clear ones, or all seen ones in a cell without."""
     if view.occluded is None:
         return view.seen
-    has_clear = (_cell_means(view.clear, cell) > 0).repeat(cell, axis=0).repeat(cell, axis=1)
+    has_clear = (square_means(view.clear, cell) > 0).repeat(cell, axis=0).repeat(cell, axis=1)
     return np.where(has_clear[: view.seen.shape[0], : view.seen.shape[1]], view.clear, view.seen)
 
 

@@ -55,7 +55,6 @@ class Sighting:
     panorama : index of the panorama.
     seen_share : share of the chart that is seen.
     pixels_per_metre : mean resolution of the seen part.
-    obliquity : mean angle in degrees between line of sight and surface.
     score : higher is better.
     is_seen : (points,) bool, sample points of the chart that are seen.
     """
@@ -63,7 +62,6 @@ class Sighting:
     panorama: int
     seen_share: float
     pixels_per_metre: float
-    obliquity: float
     score: float
     is_seen: BoolArray
 
@@ -104,8 +102,7 @@ def find_sightings(
             continue
         resolution, facing = float(view.resolution.mean()), float(view.sine.mean())
         score = seen * min(1.0, resolution / density) * facing
-        obliquity = float(np.degrees(np.arcsin(facing)))
-        sightings.append(Sighting(view.panorama, seen, resolution, obliquity, score, view.usable))
+        sightings.append(Sighting(view.panorama, seen, resolution, score, view.usable))
     return sorted(sightings, key=lambda sighting: (-sighting.score, sighting.panorama))
 
 

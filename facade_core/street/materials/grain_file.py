@@ -28,23 +28,6 @@ EXAMPLE_FORMAT = 1
 _REMEDY = "fetch both files again or run `streetloom train materials`"
 
 
-def save_examples(examples: Mapping[str, GrainExample], path: Path, **details: object) -> None:
-    """Write the examples of all `EXAMPLE_NAMES` and a record with checksum and details."""
-    ordered = [examples[name] for name in EXAMPLE_NAMES]
-    arrays = {field: np.array([getattr(example, field) for example in ordered]) for field in GrainExample._fields}
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(buffer.getvalue())
-    record = {
-        "format": EXAMPLE_FORMAT,
-        "sha256": hashlib.sha256(buffer.getvalue()).hexdigest(),
-        "names": list(EXAMPLE_NAMES),
-        **details,
-    }
-    path.with_suffix(".json").write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
-
-
 def load_examples(path: Path = SHIPPED_EXAMPLES) -> dict[str, GrainExample]:
     """Read the examples of a file by name.
 

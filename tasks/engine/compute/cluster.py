@@ -14,7 +14,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from functools import partial
 from queue import Empty, SimpleQueue
@@ -99,7 +99,6 @@ class ClusterUnit(Generic[R_co]):
     cluster: Cluster
     call: tuple[Callable[..., R_co], *tuple[object, ...]]
     memory: int
-    place: object
     future: Future[R_co] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -107,7 +106,7 @@ class ClusterUnit(Generic[R_co]):
 
     def start(self) -> None:
         """Submit the unit to Dask."""
-        self.future = self.cluster.submit_call(self.call, self.place)
+        self.future = self.cluster.submit_call(self.call)
 
     def is_suspect(self) -> bool:
         """Report whether workers died that ran the unit, or had it next."""
@@ -138,8 +137,6 @@ class Cluster:
         self._polled = -float("inf")
         self._lost_since: float | None = None
         self._suspects = threading.Lock()
-        self._reserved: list[int] = []  # bytes of the states of places
-        self._released = threading.Condition()
         self._timed_out: set[str] = set()
         client.subscribe_topic(LOG_TOPIC, self._handle_event)
 
@@ -156,19 +153,15 @@ class Cluster:
         self._check()
         return sum(worker["nthreads"] for worker in self._workers.values())
 
-    def submit(
-        self, function: Callable[..., R], *args: object, memory: int = 0, place: object = None
-    ) -> ClusterUnit[R]:
-        """Submit a unit that takes `memory` bytes, to the worker of a place unless that is busy or gone."""
-        return ClusterUnit(self, (function, *args), memory, place)
+    def submit(self, function: Callable[..., R], *args: object, memory: int = 0) -> ClusterUnit[R]:
+        """Submit a unit that takes `memory` bytes."""
+        return ClusterUnit(self, (function, *args), memory)
 
-    def submit_call(self, call: tuple[Callable[..., R], *tuple[object, ...]], place: object) -> Future[R]:
+    def submit_call(self, call: tuple[Callable[..., R], *tuple[object, ...]]) -> Future[R]:
         """Submit a function with its arguments to Dask."""
-        name = f"{getattr(call[0], '__name__', 'unit')}-{uuid4().hex}"
-        # of many tasks in one group Dask overlooks where their data is
-        key = name if place is None else (name, 0)
+        key = f"{getattr(call[0], '__name__', 'unit')}-{uuid4().hex}"
         try:
-            return self._client.submit(run_on_worker, self._timeouts.unit, place, *call, key=key, pure=False)
+            return self._client.submit(run_on_worker, self._timeouts.unit, *call, key=key, pure=False)
         except Exception as error:
             if self._client.status == "running":
                 raise
@@ -220,29 +213,6 @@ class Cluster:
                 alone.enter_context(self._suspects)
                 is_alone = True
                 unit.start()
-
-    @contextmanager
-    def reserve_place(self, memory: int) -> Iterator[object]:
-        """Reserve a thread of a worker for a sequence of units that share state of `memory` bytes.
-
-        Waits until a thread is free, and the memory of all such states fits the workers; one alone may have any size.
-
-        The place is a future, which Dask keeps on a worker. Units that take it as an argument go there by data locality; if
-        that worker is lost, Dask makes the future elsewhere. A `workers=` that is not strict would serve as well, but leaves
-        units without a worker for ever once all workers were gone at once (distributed 2026.8).
-        """
-        with self._released:
-            while len(self._reserved) >= self.threads or (
-                self._reserved and sum(self._reserved) + memory > self.memory
-            ):
-                self._released.wait(self._timeouts.poll_interval)
-            self._reserved.append(memory)
-        try:
-            yield self.submit_call((uuid4,), None)
-        finally:
-            with self._released:
-                self._reserved.remove(memory)
-                self._released.notify()
 
     def _take(self, ended: SimpleQueue[ClusterUnit[R]]) -> ClusterUnit[R]:
         """Wait for the next unit that ended."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
@@ -43,13 +42,10 @@ class SerialCompute:
         self._until = until
         self.memory = int(psutil.virtual_memory().available * UNITS_SHARE)
         self.lock = threading.RLock()
-        self._sequences = threading.Lock()
         self._open = True
 
-    def submit(
-        self, function: Callable[..., R], *args: object, memory: int = 0, place: object = None
-    ) -> DeferredUnit[R]:
-        """Defer a unit until its result is requested; `memory` and `place` have no effect."""
+    def submit(self, function: Callable[..., R], *args: object, memory: int = 0) -> DeferredUnit[R]:
+        """Defer a unit until its result is requested; `memory` has no effect."""
         if self._until is not None and time.monotonic() > self._until:
             raise RunTimeoutError(RUN_TIMEOUT_MESSAGE)
         return DeferredUnit(function, args, self)
@@ -62,13 +58,6 @@ class SerialCompute:
         for unit in started:
             with self.lock:
                 yield unit
-
-    @contextmanager
-    def reserve_place(self, memory: int) -> Iterator[None]:
-        """Reserve this process for a sequence of units that share state; `memory` has no effect."""
-        with self._sequences:
-            self.require_open()
-            yield
 
     def close(self) -> None:
         """Start no more units: the run ends, and its threads may still wait for their turn."""

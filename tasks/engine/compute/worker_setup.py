@@ -58,8 +58,8 @@ def run_unit(function: Callable[..., R], *arguments: object) -> R:
         raise
 
 
-def run_on_worker(limit_s: float, place: object, function: Callable[..., R], *arguments: object) -> R:
-    """Run a unit on a Dask worker, which exits after `limit_s`; `place` only chooses the worker.
+def run_on_worker(limit_s: float, function: Callable[..., R], *arguments: object) -> R:
+    """Run a unit on a Dask worker, which exits after `limit_s`.
 
     Dask has no limit for a task, and no thread can be ended. A worker that does not release Python's lock to the timer sends
     no heartbeat either, so that its scheduler restarts it after `worker-ttl`.

@@ -9,6 +9,7 @@ from pathlib import Path
 from facade_core.core.arrays import IntArray
 from facade_core.core.json_types import JsonObject
 from facade_core.export.attribution import Attribution
+from facade_core.export.city_models.cityjson import empty_document
 from tasks.export.city import json_line, write_features
 from tasks.export.city_objects import reference_system
 from tasks.export.whole_city.parts import CityFacts, Part
@@ -62,8 +63,6 @@ def join_features(
     suffix: str,
 ) -> list[str]:
     """Write CITY and a suffix: the header and the features of all blocks; return its name."""
-    from facade_core.export.city_models.cityjson import empty_document
-
     url, _ = reference_system(city.crs)
     name = f"{city.stem}{suffix}"
     with (folder / name).open("wb") as file:

@@ -10,6 +10,9 @@ from urllib.parse import quote
 from facade_core.core.arrays import IntArray
 from facade_core.core.json_types import JsonObject
 from facade_core.export.attribution import Attribution
+from facade_core.export.models.textured_mesh import mesh_y_up_frame
+from facade_core.export.models.usd import write_usd_city
+from facade_core.export.tiles.city_tileset import build_city_tileset, refer_to_tileset
 from tasks.export.usd import write_usd
 from tasks.export.whole_city.parts import CityFacts, Part
 from tasks.publish.published_run import PublishedBlock
@@ -21,8 +24,6 @@ def join_tilesets(
     folder: Path, parts: Sequence[Part], markers: Iterator[JsonObject], city: CityFacts, attribution: Attribution
 ) -> list[str]:
     """Write the root tileset; return its name."""
-    from facade_core.export.tiles.city_tileset import build_city_tileset, refer_to_tileset
-
     references = [
         refer_to_tileset(
             quote(f"{part.uri}/{TILESET}"), json.loads((part.folder / TILESET).read_text(encoding="utf-8"))
@@ -45,8 +46,6 @@ def write_usd_part(
     notes : remarks for the user.
     facts : origin of the stage.
     """
-    from facade_core.export.models.textured_mesh import mesh_y_up_frame
-
     files, notes = write_usd(results, buildings, part.folder, **options, package=False)
     return files, notes, {"origin": mesh_y_up_frame(results.plan.scene.mesh).origin.tolist()}
 
@@ -55,7 +54,6 @@ def join_usd(
     folder: Path, parts: Sequence[Part], markers: Iterator[JsonObject], city: CityFacts, attribution: Attribution
 ) -> list[str]:
     """Write CITY.usda with the stage of each block as a payload; return its name."""
-    from facade_core.export.models.usd import write_usd_city
 
     def references() -> Iterator[tuple[str, str, list[float]]]:
         for part, marker in zip(parts, markers, strict=True):

@@ -6,6 +6,8 @@ from collections.abc import Iterator, Sequence
 from datetime import datetime
 from pathlib import Path
 
+from catalogs.published.geopackage import GeoPackageWriter
+from catalogs.published.geoparquet import encode_layer, write_geoparquet
 from catalogs.published.map_layers import LAYER_NAMES, RUN_COLUMN
 from facade_core.core.arrays import IntArray
 from facade_core.core.json_types import JsonObject
@@ -26,8 +28,6 @@ def write_map_pieces(
     notes : remarks for the user.
     facts : time of the newest row of the catalogue.
     """
-    from catalogs.published.geoparquet import encode_layer
-
     layers, updated = map_layers(results, buildings)
     for name, rows in layers.items():
         named = rows.assign(**{RUN_COLUMN: f"{BLOCKS_FOLDER}/{part.block}"})
@@ -41,8 +41,6 @@ def join_geopackage(
     """Write CITY.gpkg of the pieces of all blocks; return its name."""
     import geopandas as gpd
     import pandas as pd
-
-    from catalogs.published.geopackage import GeoPackageWriter
 
     name = f"{city.stem}.gpkg"
     (folder / name).unlink(missing_ok=True)  # of an export that was killed
@@ -61,8 +59,6 @@ def join_geoparquet(
     folder: Path, parts: Sequence[Part], markers: Iterator[JsonObject], city: CityFacts, attribution: Attribution
 ) -> list[str]:
     """Write LAYER.parquet of the pieces of all blocks; return the names of those with rows."""
-    from catalogs.published.geoparquet import write_geoparquet
-
     names = []
     for layer in LAYER_NAMES:
         if pieces := list(_pieces(parts, layer)):

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.cameras.exposure import sample_ground_colours
-from facade_core.imagery.panorama_camera import camera_from_world, camera_position
+from facade_core.imagery.panorama_camera import camera_from_world, camera_position, rotation_angle_deg
 from facade_core.imagery.poses.joint_refinement import JointPose, PriorPose, refine_jointly
 from tasks.engine.inputs import GEOMETRY_CHANGED, PANORAMAS_CHANGED, input_field
 from tasks.stages.bundles.record import BundledPose, PoseFieldsFromBundle
+from tasks.stages.poses.record import pose_values, round_finite
 from tasks.stages.shared.images import max_picture_pixels, read_panorama
 from tasks.stages.shared.scene_view import SceneView
 
@@ -59,7 +59,7 @@ def compute_bundle(inputs: BundleInputs) -> dict[str, BundledPose]:
     images = (read_panorama(one.path, max_picture_pixels(one.given)) for one in members)
     found = refine_jointly(scene, inputs.surfaces.charts, images, [one.alone for one in members])
     return {
-        one.path.name: {"alone": _pose_values(one.alone.pose), "found": _refined_fields(scene, one, at)}
+        one.path.name: {"alone": pose_values(one.alone.pose), "found": _refined_fields(scene, one, at)}
         for one, at in zip(members, found, strict=True)
     }
 
@@ -73,8 +73,8 @@ def _refined_fields(scene: Scene, one: BundlePanorama, found: JointPose) -> Pose
     """Return the fields of a panorama's record that the bundle replaces; without a new pose how far the others are off."""
     told: PoseFieldsFromBundle = {
         "shared": found.surfaces,
-        "apart_before_m": _round_finite(found.distance_before),
-        "apart_m": _round_finite(found.distance_after),
+        "apart_before_m": round_finite(found.distance_before),
+        "apart_m": round_finite(found.distance_after),
         "kept_alone": found.reason,
     }
     if found.reason:
@@ -82,20 +82,11 @@ def _refined_fields(scene: Scene, one: BundlePanorama, found: JointPose) -> Pose
     ground = sample_ground_colours(scene, read_panorama(one.path, max_picture_pixels(one.given)), found.pose)
     turn = camera_from_world(found.pose) @ camera_from_world(one.given).T
     return told | {
-        "pose": _pose_values(found.pose),
-        "moved_m": _round_finite(float(np.linalg.norm(camera_position(found.pose) - camera_position(one.given)))),
-        "turned_deg": _round_finite(float(np.degrees(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1))))),
-        "residual_deg": _round_finite(found.residual_degrees),
+        "pose": pose_values(found.pose),
+        "moved_m": round_finite(float(np.linalg.norm(camera_position(found.pose) - camera_position(one.given)))),
+        "turned_deg": round_finite(rotation_angle_deg(turn)),
+        "residual_deg": round_finite(found.residual_degrees),
         "fit": None,  # that is of the pose refined alone
         "over_ground_m": ground.height,
         "squares": ground.squares,
     }
-
-
-def _pose_values(pose: Pose) -> list[float]:
-    # a refined pose has a height
-    return [pose.x, pose.y, cast(float, pose.z), pose.heading, pose.pitch, pose.roll]
-
-
-def _round_finite(value: float) -> float | None:
-    return round(value, 3) if math.isfinite(value) else None

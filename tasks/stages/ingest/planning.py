@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
 
 from catalogs.block.digest import plan_input_digest
+from catalogs.block.reader import Block
 from facade_core.geometry.chart_packing import PreviousChartPlacements
 from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.plan.core_region import CoreRegion
@@ -18,9 +18,6 @@ from tasks.engine.stage_code import stage_code_digest
 from tasks.stages.ingest.photo_resolution import photo_resolution
 from tasks.stages.shared.images import image_size
 from tasks.stages.shared.materials import mark_aerial_roofs
-
-if TYPE_CHECKING:
-    from catalogs.block.reader import Block
 
 
 def make_plan(

@@ -9,13 +9,13 @@ from dataclasses import fields
 from difflib import get_close_matches
 from itertools import starmap
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 
 from catalogs.block.corrections import BUILDING_CORRECTION_KINDS
+from catalogs.block.reader import Block
 from catalogs.features import safe_file_stem
 from facade_core.atlas.arrays import STORE_FORMAT, create_arrays
 from facade_core.atlas.store import (
@@ -57,9 +57,6 @@ from tasks.stages.ingest.planning import make_plan, plan_reuse_key, update_plan_
 from tasks.stages.shared.facade_corrections import map_changed_facade_ids, match_corrections
 from tasks.stages.shared.materials import store_materials
 from tasks.stages.shared.picture_choice import choose_pictures
-
-if TYPE_CHECKING:
-    from catalogs.block.reader import Block
 
 MAX_NAMED_FACADES = 3  # facades of a building in a message
 # Mark that file managers add to the name of a copy: "a (1)", "a copy", "a - Copy 2".

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import math
+from typing import cast
+
 from facade_core.atlas.journal import Record
+from facade_core.core.types import Pose
 
 
 class PoseRecord(Record, total=False):
@@ -53,3 +57,13 @@ class BundledPoseRecord(PoseRecord, total=False):
     kept_alone: str
     apart_before_m: float | None
     apart_m: float | None
+
+
+def pose_values(pose: Pose) -> list[float]:
+    """Return a pose with a height, as its record holds it."""
+    return [pose.x, pose.y, cast(float, pose.z), pose.heading, pose.pitch, pose.roll]
+
+
+def round_finite(value: float) -> float | None:
+    """Return a number as a record holds it; None for infinity and NaN."""
+    return round(value, 3) if math.isfinite(value) else None

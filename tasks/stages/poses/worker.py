@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import cast
 
 from facade_core.core.errors import ImageError
 from facade_core.core.types import Pose
@@ -16,6 +15,7 @@ from facade_core.imagery.poses.refinement import refine_pose
 from facade_core.imagery.poses.settings import REFINEMENT
 from facade_core.imagery.rectify.full_circle import check_full_panorama
 from tasks.engine.inputs import GEOMETRY_CHANGED, PICTURE_CHANGED, input_field
+from tasks.stages.poses.record import pose_values, round_finite
 from tasks.stages.shared.images import max_picture_pixels, read_panorama
 from tasks.stages.shared.scene_view import SceneView
 
@@ -65,14 +65,14 @@ def compute_pose(inputs: PoseInputs) -> PoseFields:
             raise ImageError(why)
     ground = sample_ground_colours(scene, picture, pose)
     return {
-        "pose": _pose_values(pose),
+        "pose": pose_values(pose),
         "moved_m": round(found.moved_m, 3),
         "turned_deg": round(found.turned_deg, 3),
         # degrees between lines and axes on the rectified walls; None where there are no lines
-        "given_deg": _round_finite(found.given_degrees),
-        "residual_deg": _round_finite(found.residual_degrees),
-        "given_fit": _round_finite(found.given_fit),
-        "fit": _round_finite(found.fit),
+        "given_deg": round_finite(found.given_degrees),
+        "residual_deg": round_finite(found.residual_degrees),
+        "given_fit": round_finite(found.given_fit),
+        "fit": round_finite(found.fit),
         "left": list(found.reasons),
         "spread": None if found.covariance is None else found.covariance.round(6).tolist(),
         "over_ground_m": ground.height,
@@ -88,7 +88,7 @@ def record_fields(_atlas: object, _unit: object, result: PoseFields) -> PoseFiel
 def _unused_fields(given: Pose) -> PoseFields:
     """Return the fields of a panorama that no surface is taken from."""
     return {
-        "pose": _pose_values(given),
+        "pose": pose_values(given),
         "moved_m": 0.0,
         "turned_deg": 0.0,
         "given_deg": None,
@@ -101,11 +101,3 @@ def _unused_fields(given: Pose) -> PoseFields:
         "squares": [],
         "is_unused": True,
     }
-
-
-def _pose_values(pose: Pose) -> list[float]:
-    return [pose.x, pose.y, cast(float, pose.z), pose.heading, pose.pitch, pose.roll]
-
-
-def _round_finite(value: float) -> float | None:
-    return round(value, 3) if math.isfinite(value) else None

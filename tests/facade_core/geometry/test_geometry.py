@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 import shapely
 
+from benchmarks.papers.translator.projection import project_points_to_panorama
 from facade_core.core.errors import GeometryError
 from facade_core.core.types import Building, Street
 from facade_core.geometry.block_surfaces import build_block_surfaces
 from facade_core.geometry.chart_packing import pack_charts
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.equirectangular import panorama_rays, project_points_to_panorama
+from facade_core.geometry.equirectangular import panorama_rays
 from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.geometry.streets import place_viewpoints
 

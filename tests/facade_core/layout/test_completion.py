@@ -8,7 +8,7 @@ from facade_core.core.labels import CLASSES
 from facade_core.core.types import Element, Parsing
 from facade_core.facade.layout import completion
 from facade_core.facade.layout.completion import complete
-from facade_core.facade.layout.floor_hypotheses import extrapolate_floors, log_floor_progressions
+from facade_core.facade.layout.floor_hypotheses import extrapolate_floors
 from facade_core.facade.layout.gap_filling import find_fillers_and_strays, remove_lone_balconies
 from facade_core.facade.layout.grids import box_array, fit_grids
 from facade_core.facade.layout.model import default_layout_model
@@ -16,6 +16,7 @@ from facade_core.facade.layout.proposals import Proposals, propose_elements
 from facade_core.facade.layout.rectangles import pairwise_iou
 from facade_core.facade.layout.shop_floor import select_shop_row
 from facade_core.facade.layout.window_rows import RowLimits, find_missing_windows, min_window_gap
+from training.layout.learning import log_floor_progressions
 
 DOMAIN = (0.0, 0.0, 200.0, 160.0)
 LEFT = [(0.0, 0.0, 100.0, 160.0)]

@@ -5,10 +5,10 @@ import pytest
 
 from facade_core.core.errors import ModelFileError
 from facade_core.core.labels import CLASSES, FacadeClass
-from facade_core.core.model_file import write_model
 from facade_core.parsing import network
 from facade_core.parsing.elements import elements
 from facade_core.parsing.segmenter import parse
+from training.model_files import write_model
 
 pytest.importorskip("onnx", reason="onnx is absent: make setup")
 

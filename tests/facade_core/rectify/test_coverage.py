@@ -10,7 +10,7 @@ from facade_core.imagery.rectify.panorama import Sighting
 
 def sighting(number: int, score: float, first: int, last: int) -> Sighting:
     is_seen = (np.arange(100) >= first) & (np.arange(100) < last)
-    return Sighting(number, float(is_seen.mean()), 40.0, 60.0, score, is_seen)
+    return Sighting(number, float(is_seen.mean()), 40.0, score, is_seen)
 
 
 def order_indices(*sightings: Sighting) -> list[int]:

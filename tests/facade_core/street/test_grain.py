@@ -25,9 +25,8 @@ from facade_core.street.materials.grain_file import (
     load_examples,
     load_grain_tables,
     load_shipped_grain_tables,
-    save_examples,
 )
-from training.materials import learn_grain_examples
+from training.materials import learn_grain_examples, save_examples
 
 # Each that is shipped, as it is.
 EXAMPLES = build_grain_tables([WeightedGrain(load_examples()[name]) for name in EXAMPLE_NAMES])

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from facade_core.facade.variation.structure import regularise_structure_matrix, regularity_terms
+from facade_core.facade.variation.icm import FIXED_POINT_ONE, sum_reciprocal_rectangle_sizes
+from facade_core.facade.variation.structure import regularise_structure_matrix
 
 
 def rectangles_by_search(structure):
@@ -21,6 +22,14 @@ def rectangles_by_search(structure):
         total += 1 / best[0]
         free[best[1]] = False
     return total
+
+
+def regularity_terms(structure) -> tuple[float, float, float]:
+    """Return the number of types, the sum of reciprocal counts, and that of reciprocal rectangle sizes."""
+    labels = np.ascontiguousarray(structure, np.int32)
+    counts = np.unique(labels[labels >= 0], return_counts=True)
+    sizes = sum(sum_reciprocal_rectangle_sizes(labels == label) for label in counts[0])
+    return float(len(counts[0])), float((1 / counts[1]).sum()), sizes / FIXED_POINT_ONE
 
 
 def energy(previous, labels, cost, alpha):

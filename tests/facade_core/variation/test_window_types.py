@@ -19,9 +19,9 @@ from facade_core.facade.variation.window_types import (
     cluster_window_types,
     compare_windows,
     load_window_metric,
-    save_window_metric,
 )
 from training.datasets.window_states import read_window_states
+from training.windows import save_window_metric
 
 
 def paint_windows(seed: int) -> tuple[np.ndarray, list[Element], np.ndarray]:

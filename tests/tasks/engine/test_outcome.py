@@ -176,5 +176,3 @@ def test_units_that_wait_for_their_turn_when_a_run_ends_do_not_start(tmp_path: P
         waiting = compute.submit(unit, None, "fork", (Unit(0, "a", None),))
     with pytest.raises(MachineError, match="the run has ended"):
         waiting.result()
-    with pytest.raises(MachineError, match="the run has ended"), compute.reserve_place(0):
-        pass

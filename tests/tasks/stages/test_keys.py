@@ -21,7 +21,6 @@ from facade_core.plan.plan import Plan
 from tasks.engine.inputs import (
     CODE,
     CODE_CHANGED,
-    differing_inputs,
     digest_inputs,
     digest_values,
     explain_difference,
@@ -34,6 +33,7 @@ from tasks.engine.inputs import (
 from tasks.engine.stage import match_units_by_name
 from tasks.stages.facades.imagery import FacadeImagery
 from tasks.stages.facades.stage import facade_inputs
+from tests.keys import differing_inputs
 
 
 @dataclass(frozen=True)

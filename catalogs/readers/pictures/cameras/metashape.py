@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from functools import partial
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -24,9 +25,6 @@ from catalogs.readers.pictures.cameras.camera_file import (
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
 from facade_core.core.types import Lens
-
-if TYPE_CHECKING:
-    from xml.etree.ElementTree import Element
 
 _PANORAMA_REASON = "spherical cameras of {file} left out; give their poses under imagery.panoramas"
 _DISABLED_REASON = "cameras of {file} that are disabled in Metashape left out"

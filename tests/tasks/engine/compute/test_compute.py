@@ -162,50 +162,9 @@ def make_cluster(client: Any, until: float | None = None, **timeouts: float) -> 
     return Cluster(client, until, Timeouts(poll_interval=0.05, **timeouts))
 
 
-def start_holder(cluster: Cluster, holders: list[int], end: threading.Event) -> threading.Thread:
-    def hold() -> None:
-        with cluster.reserve_place(0):
-            holders.append(1)
-            end.wait(300)
-
-    thread = threading.Thread(target=hold)
-    thread.start()
-    return thread
-
-
-def settles_at(holders: list[int], count: int) -> bool:
-    deadline = time.monotonic() + 120
-    while len(holders) < count and time.monotonic() < deadline:
-        time.sleep(0.01)
-    time.sleep(0.2)
-    return len(holders) == count
-
-
-def test_sequences_wait_for_a_thread_and_use_a_worker_that_joins() -> None:
-    client = FakeClient(one=(1, 10**9), two=(2, 10**9))
-    cluster = make_cluster(client)
-    holders: list[int] = []
-    events = [threading.Event() for _ in range(5)]
-    threads = [start_holder(cluster, holders, event) for event in events[:3]]
-    assert settles_at(holders, 3)
-    threads += [start_holder(cluster, holders, event) for event in events[3:]]
-    assert settles_at(holders, 3)  # no thread is free
-    client.workers["late"] = (1, 10**9)
-    assert settles_at(holders, 4)
-    events[0].set()
-    assert settles_at(holders, 5)
-    for event in events:
-        event.set()
-    for thread in threads:
-        thread.join(60)
-        assert not thread.is_alive()
-
-
 def test_a_cluster_without_workers_is_given_up() -> None:
     cluster = make_cluster(FakeClient(), empty=0.2)
-    with pytest.raises(ClusterGoneError, match="no worker left; start some"), cluster.reserve_place(0):
-        pass
-    with pytest.raises(ClusterGoneError, match="no worker left"):
+    with pytest.raises(ClusterGoneError, match="no worker left; start some"):
         cluster.submit(square, 1).result()
 
 
@@ -213,8 +172,6 @@ def test_a_client_that_lost_its_scheduler_ends_the_run() -> None:
     client = FakeClient(one=(1, 10**9))
     cluster = make_cluster(client)
     client.status = "connecting"
-    with pytest.raises(ClusterGoneError, match="went away; run again"), cluster.reserve_place(0):
-        pass
     with pytest.raises(ClusterGoneError, match="went away; run again"):
         cluster.submit(square, 1)
 
@@ -397,20 +354,3 @@ def test_dask_says_nothing_of_its_own(tmp_path: Path) -> None:
     done = run_python(code, tmp_path)
     assert done.returncode == 0
     assert "distributed." not in done.stderr
-
-
-def test_states_that_do_not_fit_the_workers_together_wait(tmp_path: Path) -> None:
-    held = threading.Event()
-
-    def hold(compute: Cluster) -> None:
-        with compute.reserve_place(1):
-            held.set()
-
-    with connect(2, None, str(tmp_path)) as compute:
-        assert isinstance(compute, Cluster)
-        second = threading.Thread(target=hold, args=(compute,))
-        with compute.reserve_place(10 * compute.memory):  # one alone may have any size
-            second.start()
-            assert not held.wait(1.0)
-        assert held.wait(60.0)
-        second.join()

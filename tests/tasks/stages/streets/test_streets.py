@@ -24,11 +24,12 @@ from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.streets import Viewpoint
 from facade_core.plan.plan_tables import read_plan
 from facade_core.street.continuation import StreetView
-from tasks.engine.inputs import differing_inputs, digest_inputs, join_key
+from tasks.engine.inputs import digest_inputs, join_key
 from tasks.engine.unit import Unit
 from tasks.stages.shared.street_views import StoredView, list_stored_views
 from tasks.stages.streets.stage import list_street_units
 from tasks.stages.streets.worker import StreetInputs, compute_street, write_street
+from tests.keys import differing_inputs
 from tests.pipeline.painted_panoramas import write_panorama_block, write_panoramas
 from tests.pipeline.stages import Textured, texture
 

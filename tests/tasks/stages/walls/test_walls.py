@@ -19,13 +19,13 @@ from facade_core.geometry.charts import ChartKind
 from facade_core.plan.ingest import BlockInputs, build_plan
 from facade_core.plan.plan import Plan
 from facade_core.plan.posed_pictures import replace_panoramas
-from tasks.engine.inputs import differing_inputs
 from tasks.engine.store.carry_over import match_units
 from tasks.engine.unit import Unit
 from tasks.stages.order import STAGE_NAMES
 from tasks.stages.shared.panorama_index import MAX_PANORAMAS_PER_SURFACE, MAX_PIECE_M
 from tasks.stages.walls.stage import WALLS, list_wall_units
 from tasks.stages.walls.worker import WallInputs
+from tests.keys import differing_inputs
 
 # Before the gap between the first two houses, and 200 m on before the third.
 POSES = (Pose(12.0, -6.0, 2.5, 0.0), Pose(206.0, -6.0, 2.5, 0.0))
