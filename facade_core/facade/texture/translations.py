@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import cv2
 import numpy as np
 from scipy import fft
@@ -27,72 +25,60 @@ def find_repeat_translations(grey: Float32Array, known: BoolArray) -> Int64Array
     (n, 3) int64 dy, step, mirrored (0 or 1).
     """
     height, width = known.shape
-    own = transform_masked(grey, known)
-    score = _trusted_correlation(own, own)
+    score = _trusted_correlation(grey, known, grey, known)
     dy, dx = np.mgrid[-height + 1 : height, -width + 1 : width]
     score[(np.abs(dy) < INPAINTING.min_shift_px) & (np.abs(dx) < INPAINTING.min_shift_px)] = -1.0
     level, steep = np.abs(dy) <= INPAINTING.axis_tolerance_px, np.abs(dx) <= INPAINTING.axis_tolerance_px
     kinds = ((level, INPAINTING.max_axial), (steep, INPAINTING.max_axial), (~level & ~steep, INPAINTING.max_oblique))
     ahead = np.concatenate([_find_peaks(np.where(kind, score, -1.0), count) for kind, count in kinds])
-    mirror = _trusted_correlation(own, transform_masked(grey[:, ::-1], known[:, ::-1]))
+    mirror = _trusted_correlation(grey, known, grey[:, ::-1], known[:, ::-1])
     axes = _find_peaks(np.where(level, mirror, -1.0), INPAINTING.max_oblique)
     axes[:, 1] = width - 1 - axes[:, 1]
     found = [np.column_stack([at, np.full(len(at), kind)]) for kind, at in enumerate((ahead, axes))]
     return np.unique(np.concatenate(found), axis=0)
 
 
-class MaskedSpectra(NamedTuple):
-    """Spectra of a masked picture (height, width): of its mask, its values and their squares, padded to twice its sides."""
-
-    shape: tuple[int, int]
-    known: AnyArray
-    values: AnyArray
-    squares: AnyArray
-
-
-def _trusted_correlation(first: MaskedSpectra, second: MaskedSpectra) -> Float32Array:
+def _trusted_correlation(a: Float32Array, known_a: BoolArray, b: Float32Array, known_b: BoolArray) -> Float32Array:
     """Return the correlation weighted by the overlap; -1 where the overlap is too small."""
-    height, width = first.shape
-    score, seen = correlate_masked(first, second)
+    height, width = a.shape
+    score, seen = correlate_masked(a, known_a, b, known_b)
     # A long translation has a small overlap, which is more likely to fit by chance.
     trust = np.clip(seen / (0.25 * height * width), 0, 1) ** 0.25
     return np.where(seen > INPAINTING.min_overlap_share * height * width, score * trust, -1.0)
 
 
-def transform_masked(grey: Float32Array, known: BoolArray) -> MaskedSpectra:
-    """Transform a picture (H, W) float32 of mean 0 with its known pixels (H, W) bool for `correlate_masked`."""
-    padded = _padded_shape(known.shape)
-    known_, values, squares = (
-        fft.rfft2(array.astype(np.float32), padded) for array in (known, grey * known, grey**2 * known)
-    )
-    return MaskedSpectra((known.shape[0], known.shape[1]), known_, values, squares)
+def correlate_masked(
+    a: Float32Array, known_a: BoolArray, b: Float32Array, known_b: BoolArray
+) -> tuple[Float32Array, Float32Array]:
+    """Return the normalised correlation of a at p with b at p + t over pixels known in both, for all t.
 
-
-def correlate_masked(first: MaskedSpectra, second: MaskedSpectra) -> tuple[Float32Array, Float32Array]:
-    """Return the normalised correlation of one picture at p with another at p + t over pixels known in both, for all t.
+    Parameters
+    ----------
+    a, b : (H, W) float32 of mean 0.
+    known_a, known_b : (H, W) bool.
 
     Returns
     -------
     Correlation and number of pixels, (2 H - 1, 2 W - 1) each, t = 0 in the middle.
     """
-    height, width = first.shape
-    padded = _padded_shape(first.shape)
+    height, width = a.shape
+    shape = [fft.next_fast_len(2 * n - 1, real=True) for n in (height, width)]
 
-    def correlate(one: AnyArray, other: AnyArray) -> Float32Array:
-        whole = fft.irfft2(np.conj(one) * other, padded)
+    def forward(array: AnyArray) -> AnyArray:
+        spectrum: AnyArray = fft.rfft2(array.astype(np.float32), shape)
+        return spectrum
+
+    def correlate(first: AnyArray, second: AnyArray) -> Float32Array:
+        whole = fft.irfft2(np.conj(first) * second, shape)
         correlation: Float32Array = np.roll(whole, (height - 1, width - 1), (0, 1))[: 2 * height - 1, : 2 * width - 1]
         return correlation
 
-    product = correlate(first.values, second.values)
-    squares = correlate(first.squares, second.known), correlate(first.known, second.squares)
-    seen = correlate(first.known, second.known)
+    ma, mb = forward(known_a), forward(known_b)
+    product = correlate(forward(a * known_a), forward(b * known_b))
+    squares = correlate(forward(a**2 * known_a), mb), correlate(ma, forward(b**2 * known_b))
+    seen = correlate(ma, mb)
     norm = np.sqrt(np.maximum(squares[0], 0) * np.maximum(squares[1], 0))
     return product / np.maximum(norm, 1e-3 * norm.max() + 1e-9), seen
-
-
-def _padded_shape(shape: tuple[int, ...]) -> list[int]:
-    """Return sides for which a transform is fast and no translation wraps around."""
-    return [fft.next_fast_len(2 * side - 1, real=True) for side in shape]
 
 
 def _find_peaks(score: Float32Array, count: int) -> Int64Array:

@@ -13,7 +13,7 @@ from facade_core.core.arrays import BoolArray, Float32Array, Int64Array, IntArra
 from facade_core.facade.texture.label_expansion import choose_sources
 from facade_core.facade.texture.mosaic import fill_from_chosen_sources
 from facade_core.facade.texture.source_costs import UNUSABLE_PRICE, SourceCosts
-from facade_core.facade.texture.translations import correlate_masked, transform_masked
+from facade_core.facade.texture.translations import correlate_masked
 from facade_core.street.materials.settings import EXAMPLE_FILL
 
 
@@ -136,8 +136,7 @@ def _best_translations(small: Float32Array, clear: BoolArray, step: float) -> In
     local = local / np.maximum(cv2.GaussianBlur(weight, (0, 0), sigma), 1e-4)[..., None]
     # colour and detail: kerbs and carriageway edges show in both
     detail = (small - 0.7 * local - 0.3 * small[clear].mean(axis=0)).mean(axis=2) * weight
-    own = transform_masked(detail, clear)
-    score, seen = correlate_masked(own, own)
+    score, seen = correlate_masked(detail, clear, detail, clear)
     down, right = np.mgrid[-height + 1 : height, -width + 1 : width]
     usable = (np.hypot(down, right) * step >= EXAMPLE_FILL.min_translation_m) & (
         seen >= EXAMPLE_FILL.min_overlap_share * clear.sum()
