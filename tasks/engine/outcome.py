@@ -133,11 +133,6 @@ def list_units_with_rejections(records: Iterable[Record | None]) -> tuple[tuple[
     return tuple((r["unit"], r["reason"]) for r in records if r and r["status"] == "done" and r.get("reason"))
 
 
-def is_done_for_keys(record: Record | None, *keys: str) -> bool:
-    """Report whether a record says that its unit is done for one of these keys."""
-    return record is not None and record["key"] in keys and record["status"] == "done"
-
-
 def failure_record(unit: str, key: str, error: Exception) -> Record:
     """Return the journal record of a unit that failed, with its reason in one line and the traceback."""
     return {

@@ -41,11 +41,6 @@ class Grid:
     cells: Int32Array
 
     @property
-    def row_spacing(self) -> Float64Array:
-        """Return the (rows - 1,) distances between neighbouring row centres."""
-        return np.diff(self.rows)
-
-    @property
     def completeness(self) -> float:
         """Return the share of cells with an element (Eq. 4 of Fan et al. 2014)."""
         return float((self.cells >= 0).mean())

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from facade_core.core.arrays import FloatArray, Int32Array, UInt8Array
+from facade_core.core.arrays import Int32Array, UInt8Array
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
 from facade_core.facade.variation.contents import ElementGroup, HierarchyContents, VariationLevel
@@ -23,11 +23,6 @@ _FORMAT = "streetloom variation 3"
 AVIF_OPTIONS = {"quality": 45, "speed": 8, "max_threads": 1}
 # Quantisation step of light.
 _LIGHT_STEP = 1 / 128
-
-
-def quantise_light(light: FloatArray) -> FloatArray:
-    """Quantise the light of elements to the precision of the hierarchy file."""
-    return np.round(light / _LIGHT_STEP) * _LIGHT_STEP
 
 
 def encode_hierarchy_file(

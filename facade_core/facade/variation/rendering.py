@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import cache, partial
 
 import numpy as np
 
@@ -62,7 +63,7 @@ def paint_photo_elements(
         if not (changed.any() or (places[here] != shown[here]).any()):
             continue
         patches, seen, brightest = _visible_patches(photo, group, groups)
-        whole: Float32Array | None = None
+        fill = cache(partial(_fill_hidden_pixels, patches, seen, group))  # few walls need it
         for i in here.tolist():
             own, other = int(places[i]) - first, int(shown[i]) - first
             x0, y0, x1, y1 = boxes[i].tolist()
@@ -74,11 +75,7 @@ def paint_photo_elements(
             most = max(1.0, float(brightest[own] / brightest[other]))
             lit = np.float32(min(group.light[own] / group.light[other], most))
             alike = (seen[own] != seen[other]).mean() <= MAX_VISIBILITY_DIFFERENCE
-            if alike or seen[other].all():
-                patch = crop_box(photo, group.boxes[other])
-            else:
-                whole = _fill_hidden_pixels(patches, seen, group) if whole is None else whole  # few walls need it
-                patch = whole[other]
+            patch = crop_box(photo, group.boxes[other]) if alike or seen[other].all() else fill()[other]
             fade_patch(painted, patch * lit, (x0, y0, x1, y1))
             changed[within] |= not alike or changed[within].any()
     return np.clip(painted.round(), 0, 255).astype(np.uint8)

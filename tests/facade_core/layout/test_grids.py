@@ -21,7 +21,7 @@ def test_one_full_grid_with_jitter():
     assert grid.cells.shape == (3, 4)
     assert grid.completeness == 1
     assert np.allclose(grid.columns, (15, 40, 65, 90), atol=1)
-    assert np.allclose(grid.row_spacing, 40, atol=2)
+    assert np.allclose(np.diff(grid.rows), 40, atol=2)
     assert (grid.width, grid.height) == (10, 16)
 
 

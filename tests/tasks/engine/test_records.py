@@ -9,9 +9,9 @@ import pytest
 from PIL import Image
 
 from catalogs.readers.pictures.folders import list_images
-from facade_core.core.errors import FacadeError, ImageError
+from facade_core.core.errors import ImageError
 from tasks.engine.inputs import digest_inputs
-from tasks.engine.outcome import UnitOutcomeCounts, failure_record, is_done_for_keys
+from tasks.engine.outcome import UnitOutcomeCounts, failure_record
 from tasks.engine.progress import StageProgress, add_listener, begin_stage, report_progress
 from tasks.engine.run import Run
 from tasks.engine.seeds import unit_seed
@@ -26,13 +26,6 @@ def test_outcomes_add_up() -> None:
     records = [{"unit": "a", "status": "done"}, {"unit": "b", "status": "failed", "reason": "r"}]
     total = UnitOutcomeCounts(skipped=2).add(records) + UnitOutcomeCounts(done=1)
     assert (total.done, total.skipped, total.failed, total.processed_count) == (2, 2, (("b", "r"),), 5)
-
-
-def test_failed_units_are_tried_again_and_others_only_when_their_key_changes() -> None:
-    assert is_done_for_keys({"status": "done", "key": "k"}, "k")
-    assert not is_done_for_keys({"status": "done", "key": "k"}, "other")
-    assert not is_done_for_keys(failure_record("u", "k", FacadeError("no")), "k")
-    assert not is_done_for_keys(None, "k")
 
 
 def test_reasons_are_one_line() -> None:
