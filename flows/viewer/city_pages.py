@@ -75,11 +75,6 @@ class OpenBlocks:
         else:
             await router(scope, receive, send)
 
-    @property
-    def open_numbers(self) -> tuple[int, ...]:
-        """Return the numbers of the open blocks, the one that was asked for last at the end."""
-        return tuple(self._routers)
-
     def _open(self, number: int) -> Router | None:
         with self._lock:
             if number not in self._routers:

@@ -8,7 +8,7 @@ import numpy as np
 
 from facade_core.core.arrays import Float64Array, Int32Array
 from facade_core.core.ties import first_minimum
-from facade_core.facade.variation.icm import FIXED_POINT_ONE, initial_icm_state, run_icm, sum_reciprocal_rectangle_sizes
+from facade_core.facade.variation.icm import initial_icm_state, run_icm
 
 # Range and growth of the weight alpha; costs are normalised to [0, 1], regularity is not.
 _ALPHA_RANGE = (1e-3, 1e3)
@@ -64,19 +64,6 @@ def regularise_structure_matrix(structure: Int32Array, cost: Float64Array) -> li
             RegularitySolution(np.inf, np.where(current >= 0, cheapest, current).astype(np.int32), np.zeros(0))
         )
     return found
-
-
-def regularity_terms(structure: Int32Array) -> tuple[float, float, float]:
-    """Return the three terms of E_reg: number of types, sum of reciprocal counts, sum of reciprocal rectangle sizes.
-
-    Parameters
-    ----------
-    structure : (R, C) int32 element types, -1 for an empty cell.
-    """
-    labels = np.ascontiguousarray(structure, np.int32)
-    counts = np.unique(labels[labels >= 0], return_counts=True)
-    sizes = sum(sum_reciprocal_rectangle_sizes(labels == label) for label in counts[0])
-    return float(len(counts[0])), float((1 / counts[1]).sum()), sizes / FIXED_POINT_ONE
 
 
 def _count_types(labels: Int32Array) -> int:

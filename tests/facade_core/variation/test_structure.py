@@ -1,7 +1,16 @@
 import numpy as np
 import pytest
 
-from facade_core.facade.variation.structure import regularise_structure_matrix, regularity_terms
+from facade_core.facade.variation.icm import FIXED_POINT_ONE, sum_reciprocal_rectangle_sizes
+from facade_core.facade.variation.structure import regularise_structure_matrix
+
+
+def regularity_terms(structure):
+    """Number of types, sum of reciprocal counts, sum of reciprocal sizes of rectangles: the terms of E_reg."""
+    labels = np.ascontiguousarray(structure, np.int32)
+    types, counts = np.unique(labels[labels >= 0], return_counts=True)
+    sizes = sum(sum_reciprocal_rectangle_sizes(labels == label) for label in types)
+    return len(types), (1 / counts).sum(), sizes / FIXED_POINT_ONE
 
 
 def rectangles_by_search(structure):

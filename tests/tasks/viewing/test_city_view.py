@@ -185,8 +185,8 @@ def test_few_runs_are_open_at_a_time(reader: CityReader, monkeypatch: pytest.Mon
     blocks = OpenBlocks(reader, None)
     for number in (*range(20), 17):
         assert blocks._open(number) is not None
-    assert blocks.open_numbers == (16, 18, 19, 17)
-    assert len(blocks.open_numbers) == MAX_OPEN_RUNS
+    assert list(blocks._routers) == [16, 18, 19, 17]
+    assert len(blocks._routers) == MAX_OPEN_RUNS
     assert blocks._open(20) is None
 
 
