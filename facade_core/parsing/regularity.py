@@ -98,7 +98,8 @@ def _align(boxes: Int64Array, gain: Float32Array) -> Int64Array:
                 highest = first + np.flatnonzero(gains == gains.max())
                 own_place = highest[np.argmin(np.abs(highest - boxes[index, edge]))]
                 loss = gains.max() - gains[common - first] if first <= common < first + len(gains) else np.inf
-                moved[index, edge] = common if loss <= _MAX_LINE_LOSS * (boxes[index, 2] - boxes[index, 0]) else own_place
+                width = boxes[index, 2] - boxes[index, 0]
+                moved[index, edge] = common if loss <= _MAX_LINE_LOSS * width else own_place
     return moved
 
 

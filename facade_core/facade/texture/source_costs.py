@@ -81,9 +81,9 @@ def compute_source_costs(
     spread = 2.0 * float(image[known].var(0).mean())
     price = np.full((len(translations), len(hidden)), UNUSABLE_PRICE, np.float32)
     colour = np.zeros((len(translations), len(hidden), 3), np.float32)
-    size, margin = 2 * round(reach) + 1, 2 * round(reach)
-    start = np.maximum(hidden.min(axis=0) - margin, 0)
-    around = tuple(map(slice, start, hidden.max(axis=0) + margin + 1))
+    size = 2 * round(reach) + 1
+    start = np.maximum(hidden.min(axis=0) - size, 0)
+    around = tuple(map(slice, start, hidden.max(axis=0) + size))
     at = tuple((hidden - start).T)
     for k, (dy, step, mirrored) in enumerate(translations):
         if not _has_source(known, hidden, _Translation(dy, step, mirrored)):
