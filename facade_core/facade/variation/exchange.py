@@ -66,7 +66,7 @@ def find_arched_heads(image: UInt8Array, boxes: IntArray) -> BoolArray:
     third = (x1 - x0) // 3
     margin = 5 * int(side.max())
     # Border pixels repeat beyond the image. Sums of whole numbers are exact in any order.
-    sums = cv2.integral(cv2.copyMakeBorder(image, *[margin] * 4, cv2.BORDER_REPLICATE))
+    sums = cv2.integral(cv2.copyMakeBorder(image, margin, margin, margin, margin, cv2.BORDER_REPLICATE))
 
     def mean_colour(top: Int64Array, bottom: Int64Array, left: Int64Array, right: Int64Array) -> Float64Array:
         """Return the mean colour (N, 3) of a part of each element, of at least a row and a column."""
