@@ -195,8 +195,7 @@ def _has_source(known: BoolArray, hidden: Int64Array, taken: _Translation) -> bo
     dy, step, mirrored = taken
     height, width = known.shape
     for n in range(len(hidden)):
-        y, x = hidden[n, 0], hidden[n, 1]
-        v, u = y + dy, step - x if mirrored else x + step
+        v, u = hidden[n, 0] + dy, step - hidden[n, 1] if mirrored else hidden[n, 1] + step
         if 0 <= v < height and 0 <= u < width and known[v, u]:
             return True
     return False
