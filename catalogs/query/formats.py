@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     import geopandas as gpd
     import pandas as pd
 
-OUTPUT_FORMATS = ("table", "json", "geojson", "parquet")
 # Columns that fit a terminal; --format json shows all.
 _TABLE_COLUMNS = (
     "id",

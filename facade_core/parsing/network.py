@@ -33,10 +33,8 @@ OUTSIDE_OUTPUT = len(CLASSES) + 1
 
 # Image sides are multiples of this stride,
 COARSEST_STRIDE = 32
-# positions are given at this one,
+# and positions are given at this one.
 PLACE_STRIDE = 8
-# and logits are returned at this one.
-LOGIT_STRIDE = 2
 
 # Constant, so that results do not depend on the number of cores.
 _INTRA_OP_THREADS = 2

@@ -7,9 +7,11 @@ they are: the same procedure made them worse.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float32Array, Int64Array, UInt8Array
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int64Array, UInt8Array
 from facade_core.core.labels import CLASSES, FacadeClass
 from facade_core.parsing.elements import elements
 
@@ -92,9 +94,10 @@ def _align(boxes: Int64Array, gain: Float32Array) -> Int64Array:
         for edge in (1, 3):
             curves = [_edge_curve(boxes[index], edge, gain) for index in group]
             common = _common_place(curves)
-            for index, curve in zip(group, curves, strict=True):
-                own_place = max(curve, key=lambda place: (curve[place], -abs(place - boxes[index, edge])))
-                loss = curve[own_place] - curve.get(common, -np.inf)
+            for index, (first, gains) in zip(group, curves, strict=True):
+                highest = first + np.flatnonzero(gains == gains.max())
+                own_place = highest[np.argmin(np.abs(highest - boxes[index, edge]))]
+                loss = gains.max() - gains[common - first] if first <= common < first + len(gains) else np.inf
                 width = boxes[index, 2] - boxes[index, 0]
                 moved[index, edge] = common if loss <= _MAX_LINE_LOSS * width else own_place
     return moved
@@ -116,7 +119,14 @@ def _group_intervals(low: Int64Array, high: Int64Array) -> list[list[int]]:
     return groups
 
 
-def _edge_curve(box: Int64Array, edge: int, gain: Float32Array) -> dict[int, float]:
+class _EdgeCurve(NamedTuple):
+    """Gain inside a box for each place of an edge, from the first on."""
+
+    first: int
+    gains: Float64Array
+
+
+def _edge_curve(box: Int64Array, edge: int, gain: Float32Array) -> _EdgeCurve:
     """Gain inside the box for each place of its upper (1) or lower (3) edge."""
     x0, y0, x1, y1 = box
     middle = (y0 + y1) // 2
@@ -129,15 +139,18 @@ def _edge_curve(box: Int64Array, edge: int, gain: Float32Array) -> dict[int, flo
     else:
         places = np.arange(max(position - reach, middle + 1), min(len(gain), position + reach) + 1)
         values = gain[middle : places[-1], x0:x1].sum(1).cumsum()[places[0] - middle - 1 :]
-    return dict(zip(places.tolist(), values.tolist(), strict=True))
+    return _EdgeCurve(int(places[0]), values.astype(np.float64))
 
 
-def _common_place(curves: list[dict[int, float]]) -> int:
+def _common_place(curves: list[_EdgeCurve]) -> int:
     """Place of the highest sum over the curves; beyond its reach a curve counts as its lowest value."""
-    lowest = [min(curve.values()) for curve in curves]
-    places = sorted(set().union(*curves))
-    sums = [sum(curve.get(place, low) for curve, low in zip(curves, lowest, strict=True)) for place in places]
-    return places[int(np.argmax(sums))]
+    start = min(first for first, _ in curves)
+    sums = np.zeros(max(first + len(gains) for first, gains in curves) - start)
+    for first, gains in curves:
+        own = np.full(len(sums), gains.min())
+        own[first - start : first - start + len(gains)] = gains
+        sums += own
+    return start + int(np.argmax(sums))
 
 
 def _is_filled(inside: BoolArray) -> bool:

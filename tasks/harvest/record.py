@@ -12,7 +12,6 @@ from facade_core.core.json_types import JsonObject
 from facade_core.core.regular_files import read_regular
 
 # Folders of a style library, below that of the exemplars: none holds pictures itself, or a block would report them.
-WORK_FOLDER = "harvest"
 RECORDS_FOLDER = "harvest/records"
 CANDIDATES_FOLDER = "harvest/candidates"
 SHEETS_FOLDER = "harvest/sheets"

@@ -127,10 +127,8 @@ def vote_across_bays(guide: UInt8Array, *, agreed: float) -> UInt8Array:
     """
     if (guide == UNKNOWN).all():
         return guide
-    classes = np.arange(len(CLASSES))
-    counts = (guide[..., None] == classes).sum(1)
-    usual = counts.argmax(1).astype(np.uint8)
-    votes = np.zeros((*guide.shape, len(CLASSES)), np.int32)
+    shown = guide == np.arange(len(CLASSES), dtype=np.uint8)[:, None, None]
+    votes = np.zeros(shown.shape, np.int32)
     found = find_floors_and_bays(guide)
     if found is not None:
         middles = [(a + b) // 2 for a, b in found.bays]
@@ -138,8 +136,8 @@ def vote_across_bays(guide: UInt8Array, *, agreed: float) -> UInt8Array:
             for middle in middles[:k] + middles[k + 1 :]:
                 shift = middle - middles[k]
                 a, b = max(left, -shift), min(right, guide.shape[1] - shift)
-                votes[:, a:b] += guide[:, a + shift : b + shift, None] == classes
-    voted = np.where(votes.any(2), votes.argmax(2).astype(np.uint8), usual[:, None])
-    cast = np.where(votes.any(2, keepdims=True), votes, counts[:, None])
-    split = cast.max(2) < agreed * cast.sum(2)
+                votes[..., a:b] += shown[..., a + shift : b + shift]
+    cast = np.where(votes.any(0), votes, shown.sum(2)[..., None])
+    voted = cast.argmax(0)
+    split = cast.max(0) < agreed * cast.sum(0)
     return np.where(guide != UNKNOWN, guide, np.where(split, UNKNOWN, voted)).astype(np.uint8)

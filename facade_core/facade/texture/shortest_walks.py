@@ -8,6 +8,9 @@ from facade_core.core.arrays import BoolArray, Float64Array, Int64Array, UInt8Ar
 from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.settings import RETARGETING
 
+# Classes that no cut should end at another class.
+_UNCUT_CLASSES = (FacadeClass.BALCONY, FacadeClass.WINDOW, FacadeClass.DOOR)
+
 
 def part_transition_costs(image: UInt8Array, labels: UInt8Array, cuts: Int64Array) -> Float64Array:
     """Return the price (B, B) of showing part b after part a.
@@ -26,6 +29,8 @@ def part_transition_costs(image: UInt8Array, labels: UInt8Array, cuts: Int64Arra
     seen = (image[:, strip].astype(np.float32) / 255.0).transpose(1, 0, 2, 3)
     label = labels[:, np.clip(np.asarray(cuts), 0, last)].T
     before = labels[:, np.clip(np.asarray(cuts) - 1, 0, last)].T
+    cut_before, cut_after = (np.isin(one, _UNCUT_CLASSES) for one in (before, label))
+    broken = [_cut_share(one, other) for one, other in zip(before, label, strict=True)]
     price = np.empty((count, count))
     for a in range(count):
         for b in range(count):
@@ -36,16 +41,12 @@ def part_transition_costs(image: UInt8Array, labels: UInt8Array, cuts: Int64Arra
                 end < count
             )
             differ = float(np.mean([part.mean() for part in kept])) if kept else 0.5
-            joint = (before[end] != label[start]) & (
-                np.isin(before[end], (FacadeClass.BALCONY, FacadeClass.WINDOW, FacadeClass.DOOR))
-                | np.isin(label[start], (FacadeClass.BALCONY, FacadeClass.WINDOW, FacadeClass.DOOR))
-            )
-            broken = max(_cut_share(before[end], label[end]), _cut_share(before[start], label[start]))
+            joint = (before[end] != label[start]) & (cut_before[end] | cut_after[start])
             price[a, b] = (
                 RETARGETING.jump_price
                 + differ
                 + RETARGETING.mismatch_price * joint.mean()
-                + RETARGETING.cut_price * broken
+                + RETARGETING.cut_price * max(broken[end], broken[start])
                 + RETARGETING.repeat_price * (a == b)
             )
     price[np.arange(count - 1), np.arange(1, count)] = 0.0

@@ -51,7 +51,7 @@ class _Translation(NamedTuple):
 
 
 class _PriceTerms(NamedTuple):
-    """Errors of rows (H,) and columns (W,), weighted errors of surroundings (H, W), and the price of a wrong class."""
+    """Errors of rows (H,) and columns (W,), weighted errors around hidden pixels (n,), and the price of a wrong class."""
 
     rows: Float32Array
     columns: Float32Array
@@ -79,10 +79,15 @@ def compute_source_costs(
     """
     down, across = (_line_moments(image, known, axis) for axis in (1, 0))
     spread = 2.0 * float(image[known].var(0).mean())
-    price = np.empty((len(translations), len(hidden)), np.float32)
+    price = np.full((len(translations), len(hidden)), UNUSABLE_PRICE, np.float32)
     colour = np.zeros((len(translations), len(hidden), 3), np.float32)
     size = 2 * round(reach) + 1
+    start = np.maximum(hidden.min(axis=0) - size, 0)
+    around = tuple(map(slice, start, hidden.max(axis=0) + size))
+    at = tuple((hidden - start).T)
     for k, (dy, step, mirrored) in enumerate(translations):
+        if not _has_source(known, hidden, _Translation(dy, step, mirrored)):
+            continue
         error, seen = _squared_errors(image, known, dy, step, mirrored)
         ys = np.clip(np.arange(known.shape[0]) + dy, 0, known.shape[0] - 1)
         xs = np.arange(known.shape[1])
@@ -90,9 +95,9 @@ def compute_source_costs(
         any_rows, any_columns = _expected_difference(down, ys), _expected_difference(across, xs)
         rows, columns = _line_error(error, seen, 1, any_rows), _line_error(error, seen, 0, any_columns)
         mismatch, both_known = _class_mismatches(guide, dy, step, mirrored)
-        near = np.float32(_WINDOW_WEIGHT) * _window_error(error, seen, size, any_rows[:, None])
+        near = np.float32(_WINDOW_WEIGHT) * _window_error(error[around], seen[around], size, at, any_rows[hidden[:, 0]])
         near += np.float32(SOURCE_COSTS.window_class_price * spread) * _window_error(
-            mismatch, both_known, size, np.full(1, 0.5, np.float32)
+            mismatch[around], both_known[around], size, at, np.full(1, 0.5, np.float32)
         )
         terms = _PriceTerms(rows, columns, near, SOURCE_COSTS.class_price * spread)
         _price_pixels(
@@ -133,14 +138,16 @@ def _line_error(error: Float32Array, seen: Float32Array, axis: int, usual: Float
     return _shrink_to_prior(total, count, SOURCE_COSTS.line_prior_px, usual)
 
 
-def _window_error(error: Float32Array, seen: Float32Array, side: int, usual: Float32Array) -> Float32Array:
-    """Return the mean error around every pixel, in a square window blurred twice."""
+def _window_error(
+    error: Float32Array, seen: Float32Array, side: int, at: tuple[Int64Array, ...], usual: Float32Array
+) -> Float32Array:
+    """Return the mean error around pixels, rows and columns `at` (n,), in a square window blurred twice: (n,) float32."""
     window = side, side
     total, count = (
         np.asarray(
             cv2.blur(cv2.blur(values, window, borderType=cv2.BORDER_CONSTANT), window, borderType=cv2.BORDER_CONSTANT),
             values.dtype,
-        )
+        )[at]
         for values in (error, seen)
     )
     return _shrink_to_prior(total, count, SOURCE_COSTS.window_prior, usual)
@@ -183,6 +190,18 @@ def _class_mismatches(guide: UInt8Array, dy: int, step: int, mirrored: int) -> t
 
 
 @njit(cache=True)
+def _has_source(known: BoolArray, hidden: Int64Array, taken: _Translation) -> bool:
+    """Report whether a translation gives any hidden pixel a known source."""
+    dy, step, mirrored = taken
+    height, width = known.shape
+    for n in range(len(hidden)):
+        v, u = hidden[n, 0] + dy, step - hidden[n, 1] if mirrored else hidden[n, 1] + step
+        if 0 <= v < height and 0 <= u < width and known[v, u]:
+            return True
+    return False
+
+
+@njit(cache=True)
 def _price_pixels(
     facade: _GuidedImage,
     hidden: Int64Array,
@@ -203,6 +222,6 @@ def _price_pixels(
             continue
         for c in range(3):
             colour[n, c] = image[v, u, c]
-        price[n] = _ROW_WEIGHT * rows[y] + _COLUMN_WEIGHT * columns[x] + near[y, x]
+        price[n] = _ROW_WEIGHT * rows[y] + _COLUMN_WEIGHT * columns[x] + near[n]
         if guide[y, x] != 255 and guide[v, u] != 255 and guide[y, x] != guide[v, u]:
             price[n] += wrong

@@ -122,16 +122,12 @@ def _shift_difference(image: UInt8Array, mask: BoolArray, box: _Box, right: int,
         return None
     if x1 > image.shape[1] or y1 > image.shape[0] or mask[y0 + down : y1 + down, x0 + right : x1 + right].any():
         return None
-    own = image[y0 : y1 : COMPLETION.sample_step_px, x0 : x1 : COMPLETION.sample_step_px].astype(np.int16)
-    other = image[
-        y0 + down : y1 + down : COMPLETION.sample_step_px, x0 + right : x1 + right : COMPLETION.sample_step_px
-    ]
-    weight = np.where(
-        mask[y0 : y1 : COMPLETION.sample_step_px, x0 : x1 : COMPLETION.sample_step_px],
-        np.float32(COMPLETION.inpainted_weight),
-        np.float32(1),
-    )
-    return float(np.average(np.abs(own - other).mean(axis=2), weights=weight))
+    step = COMPLETION.sample_step_px
+    own = image[y0:y1:step, x0:x1:step].astype(np.int16)
+    apart = np.abs(own - image[y0 + down : y1 + down : step, x0 + right : x1 + right : step])
+    weight = np.where(mask[y0:y1:step, x0:x1:step], np.float32(COMPLETION.inpainted_weight), np.float32(1))
+    # a sum of three planes takes a tenth of a mean over the last axis
+    return float(np.average((apart[..., 0] + apart[..., 1] + apart[..., 2]) / 3, weights=weight))
 
 
 def _copy_source(mask: BoolArray, image: UInt8Array, result: UInt8Array, box: _Box, right: int, down: int) -> None:

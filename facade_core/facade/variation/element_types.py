@@ -89,14 +89,15 @@ def fill_unknown_from_similar(values: Float32Array, known: BoolArray) -> Float32
         return values
     flat = np.where(known[..., None], values, 0).reshape(len(values), -1).astype(np.float64)
     weight = np.repeat(known.reshape(len(values), -1), values.shape[-1], axis=1).astype(np.float64)
-    common = multiply_matrices(weight, weight.T)
-    squares = multiply_matrices(flat * flat, weight.T)
-    products = multiply_matrices(flat, flat.T)
-    apart = np.where(common > 0, (squares + squares.T - 2 * products) / np.maximum(common, 1), np.inf)
+    partial = np.flatnonzero(~known.all(axis=(1, 2)))
+    common = multiply_matrices(weight[partial], weight.T)
+    squares = multiply_matrices(flat[partial] ** 2, weight.T) + multiply_matrices(flat * flat, weight[partial].T).T
+    products = multiply_matrices(flat[partial], flat.T)
+    apart = np.where(common > 0, (squares - 2 * products) / np.maximum(common, 1), np.inf)
     result = values.copy()
-    for i in np.flatnonzero(~known.all(axis=(1, 2))):
+    for i, own_apart in zip(partial, apart, strict=True):
         missing = ~known[i]
-        for j in np.argsort(apart[i], kind="stable"):
+        for j in np.argsort(own_apart, kind="stable"):
             here = missing & known[j]
             result[i][here] = values[j][here]
             missing &= ~here

@@ -57,33 +57,37 @@ def find_arched_heads(image: UInt8Array, boxes: IntArray) -> BoolArray:
     -------
     (N,) bool.
     """
-    arched = np.zeros(len(boxes), bool)
-    for i, (x0, y0, x1, y1) in enumerate(boxes.tolist()):
-        side = max(_MIN_CORNER_PX, round(_CORNER_SHARE * (x1 - x0)))
-        top = y0 + 1, y0 + 1 + side
-        third = (x1 - x0) // 3
-        pane = _mean_colour(image, (y0 + 2 * side, min(y0 + 5 * side, y1)), (x0 + third, x1 - third))
-        arched[i] = all(
-            _is_wall(_mean_colour(image, top, corner), _mean_colour(image, top, outside), pane)
-            for corner, outside in (
-                ((x0 + 1, x0 + 1 + side), (x0 - 1 - side, x0 - 1)),
-                ((x1 - 1 - side, x1 - 1), (x1 + 1, x1 + 1 + side)),
-            )
-        )
-    return arched
+    import cv2
+
+    if not len(boxes):
+        return np.zeros(0, bool)
+    x0, y0, x1, y1 = np.asarray(boxes, np.int64).T
+    side = np.maximum(_MIN_CORNER_PX, np.rint(_CORNER_SHARE * (x1 - x0)).astype(np.int64))
+    third = (x1 - x0) // 3
+    margin = 5 * int(side.max())
+    # Border pixels repeat beyond the image. Sums of whole numbers are exact in any order.
+    sums = cv2.integral(cv2.copyMakeBorder(image, margin, margin, margin, margin, cv2.BORDER_REPLICATE))
+
+    def mean_colour(top: Int64Array, bottom: Int64Array, left: Int64Array, right: Int64Array) -> Float64Array:
+        """Return the mean colour (N, 3) of a part of each element, of at least a row and a column."""
+        high, wide = np.maximum(bottom - top, 1), np.maximum(right - left, 1)
+        y, x = top + margin, left + margin
+        total = sums[y + high, x + wide] - sums[y, x + wide] - sums[y + high, x] + sums[y, x]
+        colour: Float64Array = total / (high * wide)[:, None]
+        return colour
+
+    pane = mean_colour(y0 + 2 * side, np.minimum(y0 + 5 * side, y1), x0 + third, x1 - third)
+    top = y0 + 1, y0 + 1 + side
+    left = _is_wall(mean_colour(*top, x0 + 1, x0 + 1 + side), mean_colour(*top, x0 - 1 - side, x0 - 1), pane)
+    return left & _is_wall(mean_colour(*top, x1 - 1 - side, x1 - 1), mean_colour(*top, x1 + 1, x1 + 1 + side), pane)
 
 
-def _is_wall(corner: Float64Array, wall: Float64Array, pane: Float64Array) -> bool:
-    contrast = float(np.abs(pane - wall).max())
-    return contrast >= _MIN_PANE_CONTRAST and float(np.abs(corner - wall).max()) <= _MAX_CORNER_CONTRAST * contrast
-
-
-def _mean_colour(image: UInt8Array, rows: tuple[int, int], columns: tuple[int, int]) -> Float64Array:
-    """Return the mean colour (3,) of a part; border pixels repeat beyond the image."""
-    y = np.clip(np.arange(rows[0], max(rows[1], rows[0] + 1)), 0, image.shape[0] - 1)
-    x = np.clip(np.arange(columns[0], max(columns[1], columns[0] + 1)), 0, image.shape[1] - 1)
-    colour: Float64Array = image[y[:, None], x].mean(axis=(0, 1))
-    return colour
+def _is_wall(corner: Float64Array, wall: Float64Array, pane: Float64Array) -> BoolArray:
+    """Report (N,) whether corners have the colour of the wall beside them; all (N, 3)."""
+    contrast = np.abs(pane - wall).max(axis=1)
+    return np.asarray(
+        (contrast >= _MIN_PANE_CONTRAST) & (np.abs(corner - wall).max(axis=1) <= _MAX_CORNER_CONTRAST * contrast)
+    )
 
 
 def _number_rows(boxes: IntArray) -> Int64Array:

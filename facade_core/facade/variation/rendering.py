@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import cache, partial
 
 import numpy as np
 
@@ -61,7 +62,8 @@ def paint_photo_elements(
         here = np.flatnonzero((places >= first) & (places < first + len(group.boxes)))
         if not (changed.any() or (places[here] != shown[here]).any()):
             continue
-        whole, seen, brightest = _visible_patches(photo, group, groups)
+        patches, seen, brightest = _visible_patches(photo, group, groups)
+        fill = cache(partial(_fill_hidden_pixels, patches, seen, group))  # few walls need it
         for i in here.tolist():
             own, other = int(places[i]) - first, int(shown[i]) - first
             x0, y0, x1, y1 = boxes[i].tolist()
@@ -73,7 +75,7 @@ def paint_photo_elements(
             most = max(1.0, float(brightest[own] / brightest[other]))
             lit = np.float32(min(group.light[own] / group.light[other], most))
             alike = (seen[own] != seen[other]).mean() <= MAX_VISIBILITY_DIFFERENCE
-            patch = crop_box(photo, group.boxes[other]) if alike or seen[other].all() else whole[other]
+            patch = crop_box(photo, group.boxes[other]) if alike or seen[other].all() else fill()[other]
             fade_patch(painted, patch * lit, (x0, y0, x1, y1))
             changed[within] |= not alike or changed[within].any()
     return np.clip(painted.round(), 0, 255).astype(np.uint8)
@@ -82,7 +84,7 @@ def paint_photo_elements(
 def _visible_patches(
     photo: UInt8Array, group: ElementGroup, groups: Sequence[ElementGroup]
 ) -> tuple[Float32Array, BoolArray, Float32Array]:
-    """Return a group's patches with hidden pixels filled, their visible pixels, and their brightest value.
+    """Return a group's patches, their visible pixels, and their brightest value.
 
     Returns
     -------
@@ -96,8 +98,13 @@ def _visible_patches(
         return patches, np.ones(patches.shape[:3], bool), brightest
     in_front = box_mask(np.concatenate(front), photo.shape[:2]).astype(np.float32)
     seen = cut_patches(in_front, group.boxes, size) < 0.5
+    return patches, seen, brightest
+
+
+def _fill_hidden_pixels(patches: Float32Array, seen: BoolArray, group: ElementGroup) -> Float32Array:
+    """Fill the hidden pixels of a group's patches from similar ones in the same light."""
     light = group.light[:, None, None, None].astype(np.float32)
-    return fill_unknown_from_similar(patches / light, seen) * light, seen, brightest
+    return fill_unknown_from_similar(patches / light, seen) * light
 
 
 def drawing_depth(label: str) -> int:

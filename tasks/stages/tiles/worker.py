@@ -65,11 +65,11 @@ class TileInputs:
 def compute_tile(inputs: TileInputs) -> TileModel:
     """Encode the model of a tile, and its coarse rasters."""
     scene, group, texels = inputs.objects.scene, inputs.charts.store, inputs.charts
-    placement = scene.placement
+    placement, colour = scene.placement, group["atlas/colour"]  # opening an array takes as long as reading a chunk
 
     def rasters(chosen: Int64Array) -> dict[int, UInt8Array]:
         held = TexelLayout.of_charts(placement, chosen)
-        flat = read_rasters(group["atlas/colour"], placement, held)
+        flat = read_rasters(colour, placement, held)
         return {
             chart: flat[held.texel_slice(placement, chart)].reshape(*placement.shape(chart), 3)
             for chart in chosen.tolist()
