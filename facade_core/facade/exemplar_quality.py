@@ -65,6 +65,11 @@ class ExemplarQuality:
         return prod(max(_FLOOR, part) for name, part in asdict(self).items() if name != "foot")
 
     @property
+    def ground_floor(self) -> float:
+        """Return how well the ground floor is seen, 0 to 1: under other floors a blurred one looks smeared."""
+        return self.foot * self.sharpness
+
+    @property
     def score(self) -> float:
         """Return the product of all parts, 0 to 1."""
         return self.body * max(_FLOOR, self.foot)
