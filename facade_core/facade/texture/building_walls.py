@@ -20,7 +20,6 @@ from facade_core.core.errors import ImageError
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Lattice
 from facade_core.facade.texture.entrances import choose_door_position, paint_door, place_doors
-from facade_core.facade.texture.genetic import POPULATION_SIZE
 from facade_core.facade.texture.ground_units import paint_ground_units
 from facade_core.facade.texture.retargeting import ExemplarAnalysis, fit_sizes_to_total, initial_tiling, refine_tiling
 from facade_core.facade.texture.settings import BAYS, ENTRANCES, FLOORS, RETARGETING
@@ -133,8 +132,7 @@ def _choose_tiles(
         variants = [
             initial_tiling(style, floors, count, False, rng, RETARGETING.price_noise * k**0.5) for k in range(4)
         ]
-        population = np.stack([variants[k % len(variants)] for k in range(POPULATION_SIZE)])
-        tiles, _ = refine_tiling(style, floors, population, False, rng)
+        tiles, _ = refine_tiling(style, floors, variants, False, rng)
     else:
         tiles = initial_tiling(style, floors, count, blank, rng, 0.0)
     source = np.stack(np.divmod(tiles, wide))

@@ -55,10 +55,8 @@ def transplant_ground_floor(
     lit = other_image[rows] * np.where(is_wall[..., None], gain, gain.mean())
     source = np.clip(np.rint(lit), 0, 255).astype(np.uint8), other_labels[rows]
     units, width = find_ground_units(*source, metres_per_pixel[1]), labels.shape[1]
-    arranged = units and arrange_units(
-        units, width * metres_per_pixel[0], metres_per_pixel[1], np.random.default_rng(0)
-    )
-    if units is None or arranged is None:
+    wide, rng = width * metres_per_pixel[0], np.random.default_rng(0)
+    if units is None or (arranged := arrange_units(units, wide, metres_per_pixel[1], rng)) is None:
         return replace_ground_floor_by_windows(image, labels, metres_per_pixel[0])
     borders = np.array([0, len(source[1])]), np.array([0, height])
     ground = compose_units(source, units, arranged, borders, width, metres_per_pixel[::-1])

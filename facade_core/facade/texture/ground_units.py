@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 import shapely
 
-from facade_core.core.arrays import BoolArray, Float64Array, Int64Array, UInt8Array
+from facade_core.core.arrays import BoolArray, Float64Array, Int64Array, IntArray, UInt8Array
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Lattice
 from facade_core.facade.texture.retargeting import ExemplarAnalysis, lattice_rows
@@ -180,7 +180,7 @@ def paint_ground_units(
     style: ExemplarAnalysis,
     wall: FacadeWall,
     wall_floor: WallFloor,
-    bays: Int64Array,
+    bays: IntArray,
     image: UInt8Array,
     labels: UInt8Array,
     rows: Int64Array,
@@ -220,14 +220,8 @@ def paint_ground_units(
     units = find_ground_units(*whole, metres_per_pixel[0])
     if units is None or (arranged := arrange_units(units, wall.width, scale, rng, wall.entrances)) is None:
         return
-    image[top:], labels[top:] = compose_units(
-        whole,
-        units,
-        arranged,
-        (down - down[0], rows - top),
-        labels.shape[1],
-        metres_per_pixel,
-    )
+    borders = down - down[0], rows - top
+    image[top:], labels[top:] = compose_units(whole, units, arranged, borders, labels.shape[1], metres_per_pixel)
 
 
 def compose_units(

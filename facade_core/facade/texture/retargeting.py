@@ -59,19 +59,12 @@ class ExemplarAnalysis:
     @cached_property
     def tables(self) -> EnergyTables:
         """Return the tabulated energy of tilings of the exemplar, with prices of elements that tiles cut."""
-        tables, rows, columns = (
-            tabulate_energy(self.image, self.labels, self.grid),
-            np.asarray(self.grid.rows),
-            np.asarray(self.grid.columns),
-        )
-        across = find_crossing_elements(self.labels, columns, rows)
-        down = find_crossing_elements(self.labels.T, rows, columns).T
+        tables = tabulate_energy(self.image, self.labels, self.grid)
+        across = find_crossing_elements(self.labels, self.grid.columns, self.grid.rows)
+        down = find_crossing_elements(self.labels.T, self.grid.rows, self.grid.columns).T
         right = price_cut_elements(across[:, 1:].reshape(1, -1), across[:, :-1].reshape(1, -1))
         below = price_cut_elements(down[1:].reshape(1, -1), down[:-1].reshape(1, -1))
-        return tables._replace(
-            photo_right=tables.photo_right + right.astype(np.float32),
-            photo_below=tables.photo_below + below.astype(np.float32),
-        )
+        return tables._replace(photo_right=tables.photo_right + right, photo_below=tables.photo_below + below)
 
 
 def retarget(
@@ -192,9 +185,7 @@ def _compose_facade(
     blank = columns is None and fitting < 0.5
     count = 1 if blank else columns or max(1, round(fitting))
     variants = [initial_tiling(style, floor_indices, count, blank, rng, noise * (k + 1) ** 0.5) for k in range(4)]
-    tiles = variants[0]
-    population = np.stack([variants[k % len(variants)] for k in range(POPULATION_SIZE)])
-    tiles, value = refine_tiling(style, floor_indices, population, blank, rng)
+    tiles, value = refine_tiling(style, floor_indices, variants, blank, rng)
     heights, widths = mean_tile_sizes(style.grid, tiles)
     soft = np.array([True]) if blank else np.tile([True, False, True], count)
     across = cell_borders(fit_sizes_to_total(widths * scale, soft, size[1]), size[1])
@@ -259,14 +250,15 @@ def initial_tiling(
     bays = len(exemplar.bays)
     shake = np.exp(noise * rng.standard_normal((bays, bays)))
     walks = {}
-    for band, (price, *ends) in style.bay_price.items():
+    for band, costs in style.bay_price.items():
+        price, ends = costs.step * shake, (costs.start, costs.end)
         if band == "ground" and style.doors.any():
             # of the exemplar's width, with one door each
             houses = max(1, count // max(bays, RETARGETING.min_house_bays))
-            apart = price * shake + np.diag(style.doors)  # no door is beside itself
+            apart = price + np.diag(style.doors)  # no door is beside itself
             walks[band] = cheapest_walk(apart, *ends, count, marked=style.doors, max_marked=houses)
         else:
-            walks[band] = cheapest_walk(price * shake, *ends, count)
+            walks[band] = cheapest_walk(price, *ends, count)
     if blank:
         pier = np.zeros(1, int) + 3 * int(np.argmax(np.diff(style.grid.columns)[::3]))
     lines = []
@@ -288,7 +280,7 @@ def lattice_rows(style: ExemplarAnalysis, floor: int) -> range:
 
 
 def refine_tiling(
-    style: ExemplarAnalysis, floors: list[int], population: Int32Array, blank: bool, rng: np.random.Generator
+    style: ExemplarAnalysis, floors: list[int], variants: list[Int32Array], blank: bool, rng: np.random.Generator
 ) -> tuple[Int32Array, float]:
     """Refine tilings by the genetic algorithm within bands.
 
@@ -298,7 +290,7 @@ def refine_tiling(
     ----------
     style : analysed exemplar.
     floors : exemplar floors from top to bottom.
-    population : (POPULATION_SIZE, M, N) first tilings.
+    variants : first tilings, (M, N) each.
     blank : True for a wall without bays; nothing changes.
     rng : generator of the algorithm.
 
@@ -307,6 +299,7 @@ def refine_tiling(
     (M, N) int32 tiling and its energy.
     """
     exemplar, grid = style.structure, style.grid
+    population = np.stack([variants[k % len(variants)] for k in range(POPULATION_SIZE)])
     tall, wide = len(grid.rows) - 1, len(grid.columns) - 1
     height = np.diff(grid.rows)
     kinds = ["ground" if s < 0 else exemplar.kinds[s] for s in floors for _ in lattice_rows(style, s)]

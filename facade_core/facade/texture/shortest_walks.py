@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float64Array, Int64Array, UInt8Array
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int64Array, IntArray, UInt8Array
 from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.settings import RETARGETING
 
@@ -30,10 +30,10 @@ class WalkCosts(NamedTuple):
     start: Float64Array
     end: Float64Array
 
-    def cuts_elements(self, walk: Int64Array) -> bool:
+    def cuts_elements(self, walk: IntArray) -> bool:
         """Return whether a walk (n,) cuts an element."""
         prices = [*self.step[walk[:-1], walk[1:]], self.start[walk[0]], self.end[walk[-1]]]
-        return max(prices) >= CUT_PRICE
+        return bool(max(prices) >= CUT_PRICE)
 
 
 def part_transition_costs(image: UInt8Array, labels: UInt8Array, cuts: Int64Array, bands: Sequence[int]) -> WalkCosts:
@@ -54,7 +54,7 @@ def part_transition_costs(image: UInt8Array, labels: UInt8Array, cuts: Int64Arra
     strip = np.clip(cuts[:, None] + np.arange(-RETARGETING.cut_reach_px, RETARGETING.cut_reach_px), 0, last)
     seen = (image[:, strip].astype(np.float32) / 255.0).transpose(1, 0, 2, 3)
     label, before = labels[:, np.clip(cuts, 0, last)].T, labels[:, np.clip(cuts - 1, 0, last)].T
-    crossing = find_crossing_elements(labels, cuts, np.asarray(bands))
+    crossing = find_crossing_elements(labels, cuts.tolist(), bands)
     is_cut = price_cut_elements(crossing, crossing)
     price = np.empty((count, count))
     for a in range(count):
@@ -79,7 +79,7 @@ def part_transition_costs(image: UInt8Array, labels: UInt8Array, cuts: Int64Arra
     return WalkCosts(price, outer[:-1], outer[1:])
 
 
-def find_crossing_elements(labels: UInt8Array, cuts: Int64Array, bands: Int64Array) -> Int64Array:
+def find_crossing_elements(labels: UInt8Array, cuts: Sequence[int], bands: Sequence[int]) -> Int64Array:
     """Find the elements that cross cuts: (bands, cuts) sums of the bits of their classes, none at the outer cuts.
 
     Parameters
@@ -98,10 +98,11 @@ def find_crossing_elements(labels: UInt8Array, cuts: Int64Array, bands: Int64Arr
     return found
 
 
-def price_cut_elements(after: Int64Array, before: Int64Array) -> Float64Array:
+def price_cut_elements(after: Int64Array, before: Int64Array) -> Float32Array:
     """Return the price (n, m) of cuts with elements (bands, n) of a part after (bands, m) of another before them."""
     one, other = after[:, :, None], before[:, None]
-    return CUT_PRICE * ((one != other) | ((one | other) >> int(FacadeClass.DOOR) & 1 > 0)).any(axis=0)
+    is_cut = (one != other) | ((one | other) >> int(FacadeClass.DOOR) & 1 > 0)
+    return np.asarray(CUT_PRICE * is_cut.any(axis=0), np.float32)
 
 
 def cheapest_walk(
