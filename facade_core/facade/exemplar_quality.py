@@ -24,6 +24,9 @@ FOREIGN_CHROMA = 18.0
 MAX_FOREIGN_SHARE = 0.3
 MAX_SLOPE = 0.08
 MAX_SHADED_SHARE = 0.8
+# Least light of all bands of a burnt-out pixel, and share of the wall's pixels with which an exemplar is worth nothing.
+BURNT_OUT = 250
+MAX_BURNT_SHARE = 0.3
 # Share of shadow that a wall in even light has at most.
 USUAL_SHADED_SHARE = 0.18
 # Smallest share of a window's place in the grid of floors and bays that it fills.
@@ -47,7 +50,7 @@ class ExemplarQuality:
         the share of its wall that is not dark. A ground floor without an entrance is cut off by the picture.
     clean : few pixels of wall in colours foreign to it, as of remaining trees and signs.
     whole : share of the grid of floors and bays with a window.
-    light : little of the wall in shadow.
+    light : little of the wall in shadow or burnt out.
     straight : columns of windows are upright.
     """
 
@@ -63,6 +66,11 @@ class ExemplarQuality:
     def body(self) -> float:
         """Return the product of all parts but the ground floor, 0 to 1."""
         return prod(max(_FLOOR, part) for name, part in asdict(self).items() if name != "foot")
+
+    @property
+    def ground_floor(self) -> float:
+        """Return how well the ground floor is seen, 0 to 1: under other floors a blurred one looks smeared."""
+        return self.foot * self.sharpness
 
     @property
     def score(self) -> float:
@@ -97,7 +105,7 @@ def judge_exemplar(
         else 0.0,
         clean=_limit(1 - _foreign_share(small, classes) / MAX_FOREIGN_SHARE),
         whole=whole,
-        light=_limit(1 - shaded_share / MAX_SHADED_SHARE),
+        light=_limit(1 - max(shaded_share / MAX_SHADED_SHARE, _burnt_share(small, classes) / MAX_BURNT_SHARE)),
         straight=_limit(1 - slope / MAX_SLOPE),
     )
 
@@ -114,6 +122,11 @@ def _dark_share(image: UInt8Array, labels: UInt8Array, ground: int) -> float:
     if not (wall[:ground].any() and wall[ground:].any()):
         return 0.0
     return _share(light[ground:][wall[ground:]] < DARK_FOOT * float(np.median(light[:ground][wall[:ground]])))
+
+
+def _burnt_share(image: UInt8Array, labels: UInt8Array) -> float:
+    """Return the share of the wall's pixels that are burnt out."""
+    return _share(image[labels == FacadeClass.WALL].min(axis=1) >= BURNT_OUT)
 
 
 def _limit(value: float) -> float:

@@ -4,18 +4,27 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 
+from facade_core.core.arrays import UInt8Array
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Box, Parsing
 from facade_core.facade.evidence import Evidence
 from facade_core.facade.neighbour_removal import find_clean_columns, find_own_columns
 from facade_core.facade.sky_removal import count_sky_rows
 from facade_core.parsing.elements import elements
-from facade_core.parsing.floor_structure import FloorsAndBays, fill_sky_and_unknown, find_floors_and_bays
+from facade_core.parsing.floor_structure import (
+    FloorsAndBays,
+    fill_sky_and_unknown,
+    find_floors_and_bays,
+    spans_above_threshold,
+)
 
 # A window that begins within this share of the width from a side is cut off by it.
 SIDE_MARGIN_SHARE = 0.012
+# Share of a column that windows and doors may take where a cut avoids them.
+MAX_CUT_SHARE = 0.02
 
 
 def trim_to_facade(photo: Evidence) -> tuple[Evidence, Box]:
@@ -32,7 +41,7 @@ def trim_to_facade(photo: Evidence) -> tuple[Evidence, Box]:
     What remains, and its box in the picture.
     """
     box = (0, 0, 0, 0)
-    for find_part in (_whole_part, _own_part, _part_below_sky, _part_of_clean_sides):
+    for find_part in (_whole_part, _own_part, _part_below_sky, _part_of_clean_sides, _part_of_whole_openings):
         y0, y1, x0, x1 = find_part(photo)
         left, top = box[0] + x0, box[1] + y0
         box = (left, top, left + x1 - x0, top + y1 - y0)
@@ -92,3 +101,37 @@ def _whole_columns(structure: FloorsAndBays, margin: float, width: int) -> tuple
     x0 = structure.bay_cuts[1] if structure.bays[0][0] <= margin and len(structure.bays) > 1 else 0
     x1 = structure.bay_cuts[-2] if structure.bays[-1][1] >= width - margin and len(structure.bays) > 1 else width
     return (x0, x1) if x1 > x0 else (0, width)
+
+
+def _part_of_whole_openings(photo: Evidence) -> tuple[int, int, int, int]:
+    """Rows and columns without openings that the sides cut, such as a neighbour's or those of a ground floor."""
+    labels = fill_sky_and_unknown(photo.parsing.labels)
+    structure = find_floors_and_bays(labels)
+    columns = (0, labels.shape[1]) if structure is None else find_whole_columns(labels, structure)
+    return 0, len(labels), *columns
+
+
+def find_whole_columns(labels: UInt8Array, structure: FloorsAndBays) -> tuple[int, int]:
+    """Find the columns between the windows and doors, of any floor, that the sides of a picture cut through.
+
+    Parameters
+    ----------
+    labels : (h, w) uint8 class ids.
+    structure : its floors and bays, of which one remains at least.
+
+    Returns
+    -------
+    First column, and the one after the last.
+    """
+    width = labels.shape[1]
+    margin = SIDE_MARGIN_SHARE * width
+    opening = np.isin(labels, (FacadeClass.WINDOW, FacadeClass.DOOR))
+    boxes = cv2.connectedComponentsWithStats(opening.astype(np.uint8))[2][1:]
+    tall = boxes[boxes[:, cv2.CC_STAT_HEIGHT] >= np.median(np.diff(structure.floors)) / 3]
+    first, last = tall[:, cv2.CC_STAT_LEFT], tall[:, cv2.CC_STAT_LEFT] + tall[:, cv2.CC_STAT_WIDTH]
+    start = max(last[first <= margin], default=0)
+    stop = min(first[last >= width - margin], default=width)
+    free = spans_above_threshold(1.0 - opening.mean(axis=0), 1.0 - MAX_CUT_SHARE)
+    x0 = next(((max(a, start) + b) // 2 for a, b in free if b > start), 0) if start > 0 else 0
+    x1 = next(((a + min(b, stop)) // 2 for a, b in free[::-1] if a < stop), width) if stop < width else width
+    return (x0, x1) if any(x0 < a and b < x1 for a, b in structure.bays) else (0, width)

@@ -43,6 +43,8 @@ MIN_FOREIGN_DIFFERENCE = 25.0
 MIN_FOREIGN_SHARE = 0.04
 MAX_SIDE_GAP_PX = 3
 MAX_FOREIGN_WIDTH = 0.1
+# Width of what is at a side, relative to that at the other, from which both are built, such as quoins.
+MIN_SIDE_LIKENESS = 0.7
 # Bays that remain of a facade.
 MIN_BAYS = 2
 
@@ -114,7 +116,7 @@ def find_clean_columns(image: UInt8Array, labels: UInt8Array) -> tuple[int, int]
     """Find the columns between things at the sides of an exemplar, before the wall beside its outer windows.
 
     Every wall from it would repeat half a lamp, or the edge of a neighbour's roof. What inner windows have beside them too,
-    such as shutters, belongs to the facade.
+    such as shutters, belongs to the facade, as do quoins on both sides.
 
     Parameters
     ----------
@@ -143,6 +145,8 @@ def find_clean_columns(image: UInt8Array, labels: UInt8Array) -> tuple[int, int]
         beside += [share[end : (end + start) // 2], share[(end + start) // 2 : start][::-1]]
     sides = [_count_foreign_columns(one, beside) for one in (share[:left][::-1], share[right:])]
     first, last = (count if count <= MAX_FOREIGN_WIDTH * width else 0 for count in sides)
+    if min(first, last) >= MIN_SIDE_LIKENESS * max(first, last):
+        return 0, width
     return first, width - last
 
 

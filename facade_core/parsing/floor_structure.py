@@ -138,7 +138,7 @@ def find_floors_and_bays(labels: UInt8Array) -> FloorsAndBays | None:
     bottom = height
     if kinds[-1] == "ground":
         floor_cuts.append(bottom)
-    across = element[floors[0][0] : ground_top].mean(0)
+    across = element[floors[0][0] :].mean(0)
     bay_cuts = [0, *(_cut(across, a[1], b[0], 0.5) for a, b in zip(bays, bays[1:], strict=False)), width]
     return FloorsAndBays(tuple(floors), kinds, tuple(bays), tuple(floor_cuts), tuple(bay_cuts), top, ground_top, bottom)
 

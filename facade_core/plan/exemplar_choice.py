@@ -178,7 +178,6 @@ def _misfit_costs(walls: ExemplarTargetWalls, main: Int64Array, library: Exempla
     misfit += EXEMPLAR_CHOICE.floor_height_cost * ratio(
         walls.height[main] / floors, np.asarray(library.height, float) / given
     )
-    misfit += EXEMPLAR_CHOICE.width_cost * ratio(walls.width[main], np.asarray(library.width, float))
     if len(walls.style):
         misfit += EXEMPLAR_CHOICE.other_style_cost * library.is_other_style(walls.style[main])
     return np.asarray(misfit + EXEMPLAR_CHOICE.quality_cost * (1 - np.asarray(library.body, float)))

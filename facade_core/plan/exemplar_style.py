@@ -23,7 +23,7 @@ class ExemplarLibrary:
 
     Attributes
     ----------
-    width, height : metres.
+    height : metres.
     floors : number of floors.
     shops : share of the width with shops.
     fronts : metres of the narrowest shop; 0 without shops.
@@ -32,7 +32,6 @@ class ExemplarLibrary:
     style : number of the style of shipped exemplars, OTHER_STYLE of others; None: all are others.
     """
 
-    width: Sequence[float]
     height: Sequence[float]
     floors: Sequence[float]
     shops: Sequence[float]

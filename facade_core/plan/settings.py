@@ -32,8 +32,7 @@ class ExemplarChoiceSettings:
     Attributes
     ----------
     random_cost : greatest random cost, for variety among exemplars and ground floors that fit.
-    floors_cost, floor_height_cost, width_cost : costs per log ratio of floors, of floor height, and of width, which
-        hardly matters as bays are repeated and dropped.
+    floors_cost, floor_height_cost : costs per log ratio of floors and of floor height.
     quality_cost : cost of an exemplar whose upper floors have no quality; quality beats variety.
     min_body : quality of the upper floors, as a share of the best one's, below which an exemplar is not taken: that of all
         falls with the density of the block.
@@ -55,9 +54,8 @@ class ExemplarChoiceSettings:
     random_cost: float = 0.8
     floors_cost: float = 1.5
     floor_height_cost: float = 0.7
-    width_cost: float = 0.05
     quality_cost: float = 10.0
-    min_body: float = 0.4
+    min_body: float = 0.65
     neighbourhood_m: float = 60.0
     same_exemplar_cost: float = 3.0
     similar_cost: float = 1.2
@@ -66,7 +64,7 @@ class ExemplarChoiceSettings:
     families_per_street: int = 3
     other_family_cost: float = 1.0
     shop_cost: float = 1.4
-    min_foot: float = 0.74
+    min_foot: float = 0.75
     foot_cost: float = 10.0
     plain_cost: float = 3.0
     unfit_cost: float = 5.0

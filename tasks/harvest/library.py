@@ -271,7 +271,6 @@ def _families(exemplars: Sequence[Candidate]) -> list[int]:
     records = [one.record for one in exemplars]
     zeros = np.zeros(len(records)).tolist()
     library = ExemplarLibrary(
-        width=[one["width_m"] for one in records],
         height=[one["height_m"] for one in records],
         floors=[one["floors"] for one in records],
         shops=zeros,

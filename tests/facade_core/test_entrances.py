@@ -97,7 +97,7 @@ def corner(width: float) -> FacadeWall:
     return FacadeWall(width, 16, 0, 16, 5, on_street=False, is_back=False, free=free, is_corner=True)
 
 
-@pytest.mark.parametrize("width", [1.3, 2.1, 2.9])
+@pytest.mark.parametrize("width", [3.2, 3.6])
 def test_a_corner_shows_the_shop_of_its_building_and_no_storey_moves(style: ExemplarAnalysis, width: float) -> None:
     image, labels = compose_wall(style, corner(width), metres_per_pixel=MPP)
     shop = np.flatnonzero((labels == FacadeClass.SHOP).any(axis=1))

@@ -76,6 +76,12 @@ def test_a_ground_floor_in_deep_shadow_is_as_good_as_hidden() -> None:
     assert judge(image=darken_foot()).foot < judge().foot - 0.3
 
 
+def test_a_burnt_out_wall_is_in_bad_light() -> None:
+    image = PAINTED.image.copy()
+    image[: len(image) // 4] = 255
+    assert judge(image=image).light < judge().light - 0.3
+
+
 @pytest.mark.parametrize("part", DEFECTS)
 def test_a_defect_lowers_its_part_and_the_score(part: str) -> None:
     good, bad = judge(), DEFECTS[part]

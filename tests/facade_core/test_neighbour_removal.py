@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.painter.facade import PaintedFacade, paint_facade
+from facade_core.core.labels import FacadeClass
+from facade_core.facade.exemplar_trimming import find_whole_columns
 from facade_core.facade.neighbour_removal import find_clean_columns, find_own_columns
 from facade_core.parsing.floor_structure import find_floors_and_bays
 
@@ -74,3 +76,32 @@ def test_a_lamp_beside_the_outer_window_is_cut_off_up_to_clean_wall() -> None:
         image[:, max(0, left - 8) : left] = image[:, right : right + 8] = (10, 70, 30)
     image[:, : found.bays[0][0] - 8] = image[:, found.bays[1][0] - 20 : found.bays[1][0] - 19]
     assert find_clean_columns(image, house.labels) == (0, width), "shutters belong to the facade"
+
+
+def test_what_is_on_both_sides_is_built() -> None:
+    house = paint_house(13.0, 4)
+    width, image = house.labels.shape[1], house.image.copy()
+    for top in range(0, 300, 40):
+        image[top : top + 20, :9] = image[top : top + 20, -9:] = (150, 60, 40)
+    assert find_clean_columns(image, house.labels) == (0, width)
+    image[:, -9:] = house.image[:, -9:]
+    assert find_clean_columns(image, house.labels) == (9, width)
+
+
+def test_a_window_or_door_of_any_floor_that_a_side_cuts_is_cut_off() -> None:
+    house = paint_house(13.0, 4)
+    labels, width = house.labels, house.labels.shape[1]
+    found = find_floors_and_bays(labels)
+    assert found is not None
+    assert find_whole_columns(labels, found) == (0, width)
+    beside = found.bays[0][0]
+    door = labels.copy()
+    door[-60:, : beside // 3] = FacadeClass.DOOR
+    left, right = find_whole_columns(door, found)
+    assert beside // 3 < left < beside
+    assert right == width
+    cut = labels[:, (found.bays[0][0] + found.bays[0][1]) // 2 :]
+    whole = find_floors_and_bays(cut)
+    assert whole is not None
+    left, right = find_whole_columns(cut, whole)
+    assert whole.bays[0][1] < left < whole.bays[1][0]

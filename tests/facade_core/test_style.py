@@ -51,7 +51,6 @@ def library(count: int, families: int = 1) -> ExemplarLibrary:
     looks[:, 0] = 60.0 * (np.arange(count) % families)
     looks[:, 1] = 2.0 * (np.arange(count) // families)
     return ExemplarLibrary(
-        [20.0] * count,
         [18.0] * count,
         [5.0] * count,
         [0.0] * count,
@@ -202,7 +201,7 @@ def test_the_ground_floor_of_another_exemplar_fits_bays_light_and_scale() -> Non
     assert (ground == FacadeClass.SHOP).any(), "no shop was cut off"
     lit, _ = transplant_ground_floor(own.image, own.labels, other.image, other.labels, (0.05, 0.04))
     assert abs(image[top:].mean() / lit[top:].mean() - 0.6) < 0.05, "in the light of its own wall"
-    sources = [each.bay_cuts for each in (find_floors_and_bays(labels), find_floors_and_bays(own.labels))]
+    sources = [each.bays for each in (find_floors_and_bays(labels), find_floors_and_bays(own.labels))]
     assert sources[0] == sources[1], "bays stay"
 
 
@@ -308,7 +307,6 @@ def test_looks_tell_walls_apart() -> None:
 
     brick, again, functionalist = of("brick", 1), of("brick", 2), of("functionalist", 1)
     three = ExemplarLibrary(
-        [1] * 3,
         [1] * 3,
         [1] * 3,
         [0] * 3,

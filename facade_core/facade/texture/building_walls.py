@@ -19,8 +19,7 @@ from facade_core.core.arrays import Float64Array, Int32Array, Int64Array, IntArr
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Lattice
-from facade_core.facade.texture.entrances import choose_door_position, paint_corner_shop, paint_door, place_doors
-from facade_core.facade.texture.genetic import POPULATION_SIZE
+from facade_core.facade.texture.entrances import choose_door_position, paint_door, place_doors
 from facade_core.facade.texture.ground_units import paint_ground_units
 from facade_core.facade.texture.retargeting import ExemplarAnalysis, fit_sizes_to_total, initial_tiling, refine_tiling
 from facade_core.facade.texture.settings import BAYS, ENTRANCES, FLOORS, RETARGETING
@@ -78,10 +77,7 @@ def compose_wall(
     plain = plainest_floor(style)
     stack, scale = stack_floors(style, wall, metres_per_pixel)
 
-    ends, counts = _divide_into_bays(style, wall, scale)
-    if counts:
-        widest = int(np.argmax(np.diff(ends)))
-        counts[widest] = max(1, counts[widest] + more_bays)
+    ends, counts = _divide_into_bays(style, wall, scale, more_bays)
     blank, count = not counts, sum(counts) or 1
     wide = len(style.grid.columns) - 1
     source = _choose_tiles(style, wall, stack, count, plain, rng, blank=blank)
@@ -100,6 +96,7 @@ def compose_wall(
     is_front = wall.on_street and not blank and shows_ground_floor(style, stack[-1])
     if is_front:
         place_doors(style, wall.entrances, source[:, ground], across)
+    bays = source[1, ground.start, ::3] // 3
     middle = _back_door(wall, across, rng)
     if middle is not None and not blank:
         _blank_bays_at_door(source[:, ground], across, middle, len(stack[-1].heights), plain, wide + 1)
@@ -111,11 +108,9 @@ def compose_wall(
     image, labels = compose_tiles(style.image, style.labels, lattice, tiles, rows, columns, pixel / metres_per_pixel)
     _even_out_bare_wall(stack, image, labels, rows, pixel)
     _paint_coping(wall, stack[0], image, pixel)
-    if wall.is_corner and shows_ground_floor(style, stack[-1]):
-        paint_corner_shop(style, image, labels, int(rows[ground.start]), scale, pixel)
-    if is_front:
+    if is_front or (wall.is_corner and shows_ground_floor(style, stack[-1])):
         borders, scales = rows[ground.start : ground.stop + 1], (metres_per_pixel, pixel)
-        paint_ground_units(style, wall, stack[-1], image, labels, borders, scale, scales, rng)
+        paint_ground_units(style, wall, stack[-1], bays, image, labels, borders, scale, scales, rng)
     if middle is not None:
         paint_door(image, labels, middle, pixel, rng)
     return image, labels
@@ -137,8 +132,7 @@ def _choose_tiles(
         variants = [
             initial_tiling(style, floors, count, False, rng, RETARGETING.price_noise * k**0.5) for k in range(4)
         ]
-        population = np.stack([variants[k % len(variants)] for k in range(POPULATION_SIZE)])
-        tiles, _ = refine_tiling(style, floors, population, False, rng)
+        tiles, _ = refine_tiling(style, floors, variants, False, rng)
     else:
         tiles = initial_tiling(style, floors, count, blank, rng, 0.0)
     source = np.stack(np.divmod(tiles, wide))
@@ -260,8 +254,13 @@ def _blank_ground(style: ExemplarAnalysis, wall_floor: WallFloor, source: Int32A
     source[1] = bare
 
 
-def _divide_into_bays(style: ExemplarAnalysis, wall: FacadeWall, scale: float) -> tuple[list[float], list[int]]:
-    """Return the ends of a wall's sections, metres, and their numbers of bays; none without room for a window."""
+def _divide_into_bays(
+    style: ExemplarAnalysis, wall: FacadeWall, scale: float, more_bays: int
+) -> tuple[list[float], list[int]]:
+    """Return the ends of a wall's sections, metres, and their numbers of bays; none without room for a window.
+
+    The widest section has some bays more than fit best, within the limits of piers.
+    """
     bay = scale * float(np.diff(style.structure.bay_cuts).mean()) * (BAYS.back_bay_factor if wall.is_back else 1.0)
     window = scale * float(np.diff(style.structure.bays, axis=1).mean())
     least = BAYS.min_width_share * window if wall.on_street else max(0.5 * bay - 2 * BAYS.window_margin_m, window)
@@ -269,6 +268,8 @@ def _divide_into_bays(style: ExemplarAnalysis, wall: FacadeWall, scale: float) -
         return [0.0, wall.width], []
     ends = _wall_sections(wall, bay)
     counts = [max(1, round((right - left) / bay)) for left, right in pairwise(ends)]
+    widest = int(np.argmax(np.diff(ends)))
+    counts[widest] = max(1, counts[widest] + more_bays)
     if wall.on_street:
         narrow = RETARGETING.window_stretch[0] * window + RETARGETING.pier_stretch[0] * max(bay - window, 0.0)
         for k, wide in enumerate(np.diff(ends).tolist()):

@@ -1,11 +1,10 @@
-"""Doors at mapped entrances, and ground floors of walls that are no fronts: the shop of a narrow corner, and back doors."""
+"""Doors at mapped entrances, and the doors of backs."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
 
-import cv2
 import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
@@ -14,7 +13,6 @@ from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, UInt8Ar
 from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.retargeting import ExemplarAnalysis
 from facade_core.facade.texture.settings import ENTRANCES
-from facade_core.parsing.floor_structure import Span, spans_above_threshold
 
 # Colours of door leaves.
 LEAF_COLOURS = np.array(
@@ -24,6 +22,8 @@ LEAF_COLOURS = np.array(
 
 def place_doors(style: ExemplarAnalysis, entrances: Sequence[float], source: Int32Array, across: Float64Array) -> None:
     """Replace bays by a bay with a door at mapped entrances, unless a neighbouring bay shows a door or a shop.
+
+    A bay whose replacement cuts an element stays.
 
     Parameters
     ----------
@@ -43,45 +43,10 @@ def place_doors(style: ExemplarAnalysis, entrances: Sequence[float], source: Int
         bay_shown = np.minimum(source[1, -1, ::3] // 3, len(has_entrance) - 1)
         walled = bay_shown[own] == len(has_entrance) - 1
         if not walled and not has_entrance[bay_shown[max(0, own - 1) : own + 2]].any():
-            source[1, :, 3 * own : 3 * own + 3] = 3 * doors[own % len(doors)] + np.arange(3)
-
-
-def paint_corner_shop(
-    style: ExemplarAnalysis, image: UInt8Array, labels: UInt8Array, top: int, scale: float, metres_per_pixel: float
-) -> None:
-    """Paint the exemplar's shop on the ground floor of a narrow corner, in place; nothing if none fits.
-
-    Parameters
-    ----------
-    style : analysed exemplar.
-    image : (h, w, 3) uint8; changed in place.
-    labels : (h, w) uint8; changed in place.
-    top : first row of the ground floor.
-    scale : metres of a pixel of the exemplar.
-    metres_per_pixel : scale of `image`.
-    """
-    width = labels.shape[1] * metres_per_pixel
-    band = slice(style.structure.ground_top, style.structure.bottom)
-    shop = _find_corner_shop(style.labels[band], scale, width)
-    if shop is None or top >= len(labels):
-        return
-    size = (labels.shape[1], labels.shape[0] - top)
-    image[top:] = cv2.resize(style.image[band, slice(*shop)], size, interpolation=cv2.INTER_AREA)
-    labels[top:] = cv2.resize(style.labels[band, slice(*shop)], size, interpolation=cv2.INTER_NEAREST)
-
-
-def _find_corner_shop(labels: UInt8Array, scale: float, width: float) -> Span | None:
-    """Return the columns of the shop for a corner of a width in metres, from a ground floor's labels; None if none fits."""
-    if width < ENTRANCES.min_corner_m or not (labels == FacadeClass.SHOP).any():
-        return None
-    jamb, best = round(ENTRANCES.jamb_m / scale), []
-    shown = np.isin(labels, (FacadeClass.SHOP, FacadeClass.DOOR)).any(axis=0).astype(float)
-    for left, right in spans_above_threshold(shown, 0.5):
-        span = max(0, left - jamb), min(labels.shape[1], right + jamb)
-        off, part = abs(np.log(max(span[1] - span[0], 1) * scale / width)), labels[:, slice(*span)]
-        if (part == FacadeClass.SHOP).any() and off <= np.log(ENTRANCES.max_shop_stretch):
-            best.append((off - ENTRANCES.door_bonus * bool((part == FacadeClass.DOOR).any()), span))
-    return min(best)[1] if best else None
+            others = source[1, -1, ::3] // 3
+            others[own] = doors[own % len(doors)]
+            if max(others) >= len(style.doors) or not style.bay_price["ground"].cuts_elements(others):
+                source[1, :, 3 * own : 3 * own + 3] = 3 * others[own] + np.arange(3)
 
 
 def choose_door_position(

@@ -13,6 +13,7 @@ from facade_core.core.arrays import Float64Array, UInt8Array
 from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.entrances import fill_with_door
 from facade_core.facade.texture.ground_units import arrange_units, compose_units, find_ground_units
+from facade_core.facade.texture.roof_removal import cut_off_roof
 from facade_core.facade.texture.settings import ENTRANCES, GROUND_FLOOR
 from facade_core.facade.wall_material import lit_colour
 from facade_core.parsing.floor_structure import FloorsAndBays, find_floors_and_bays
@@ -27,8 +28,7 @@ def transplant_ground_floor(
 ) -> tuple[UInt8Array, UInt8Array]:
     """Replace the ground floor of an exemplar by another exemplar's, in its own light and the colour of its own wall.
 
-    Shops and doors are arranged whole. Where they do not fit, or without shops, each bay takes one of the other's, stretched
-    to its width; they follow each other as there. Without windows in either nothing changes.
+    Its elements are arranged whole; where they do not fit, it is plain. Without windows in either nothing changes.
 
     Parameters
     ----------
@@ -54,19 +54,12 @@ def transplant_ground_floor(
     is_wall = other_labels[rows] == FacadeClass.WALL
     lit = other_image[rows] * np.where(is_wall[..., None], gain, gain.mean())
     source = np.clip(np.rint(lit), 0, 255).astype(np.uint8), other_labels[rows]
-    width, units = labels.shape[1], find_ground_units(*source, metres_per_pixel[1])
+    units, width = find_ground_units(*source, metres_per_pixel[1]), labels.shape[1]
     wide, rng = width * metres_per_pixel[0], np.random.default_rng(0)
-    if units and (arranged := arrange_units(units, wide, metres_per_pixel[1], rng)):
-        borders = np.array([0, len(source[1])]), np.array([0, height])
-        ground = compose_units(source, units, arranged, borders, width, metres_per_pixel[::-1])
-    else:
-        ground = np.zeros((height, width, 3), np.uint8), np.zeros((height, width), np.uint8)
-        doors = [(source[1][:, a:b] == FacadeClass.DOOR).sum() for a, b in pairwise(other.bay_cuts)]
-        first = max(0, int(np.argmax(doors)) + 1 - len(own.bays))  # fewer bays keep the door
-        for number, (left, right) in enumerate(pairwise(own.bay_cuts)):
-            bay = (first + number) % len(other.bays)
-            part = slice(*other.bay_cuts[bay : bay + 2])
-            _paste((ground[0][:, left:right], ground[1][:, left:right]), (source[0][:, part], source[1][:, part]))
+    if units is None or (arranged := arrange_units(units, wide, metres_per_pixel[1], rng)) is None:
+        return replace_ground_floor_by_windows(image, labels, metres_per_pixel[0])
+    borders = np.array([0, len(source[1])]), np.array([0, height])
+    ground = compose_units(source, units, arranged, borders, width, metres_per_pixel[::-1])
     above = slice(0, own.ground_top)
     return np.concatenate([image[above], ground[0]]), np.concatenate([labels[above], ground[1]])
 
@@ -180,8 +173,10 @@ def _end_on_wall(
 def _show_windows(
     image: UInt8Array, labels: UInt8Array, found: FloorsAndBays, metres_per_pixel: float
 ) -> tuple[UInt8Array, UInt8Array]:
-    """Show a residential floor as it is in place of the ground floor, in the light of the floor above."""
+    """Show a residential floor without its roof in place of the ground floor, in the light of the floor above."""
     top, source_rows = found.ground_top, _residential_floor(found, labels)
+    roof = len(labels) - len(cut_off_roof(image, labels)[1])
+    source_rows = slice(max(roof, source_rows.start), source_rows.stop)
     height, cuts = source_rows.stop - source_rows.start, (0, *found.bay_cuts[1:-1], labels.shape[1])
     bays = [slice(a, b) for a, b in pairwise(cuts)]
     plain = [not (labels[source_rows, bay] == FacadeClass.BALCONY).any() for bay in bays]

@@ -7,13 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
 import shapely
 
-from facade_core.core.arrays import BoolArray, Float64Array, Int64Array, UInt8Array
+from facade_core.core.arrays import BoolArray, Float64Array, Int64Array, IntArray, UInt8Array
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Lattice
 from facade_core.facade.texture.retargeting import ExemplarAnalysis, lattice_rows
@@ -49,7 +48,7 @@ class GroundUnits:
 
 
 def find_ground_units(image: UInt8Array, labels: UInt8Array, metres_per_pixel: float) -> GroundUnits | None:
-    """Find the units of a ground floor; None without a shop.
+    """Find the units of a ground floor; None without elements.
 
     Parameters
     ----------
@@ -57,8 +56,6 @@ def find_ground_units(image: UInt8Array, labels: UInt8Array, metres_per_pixel: f
     labels : (h, w) uint8 class ids.
     metres_per_pixel : scale of the exemplar.
     """
-    if not (labels == FacadeClass.SHOP).any():
-        return None
     width = labels.shape[1]
     shown = np.isin(labels, _ELEMENTS).mean(axis=0)
     spans: list[tuple[int, int]] = []
@@ -77,7 +74,7 @@ def find_ground_units(image: UInt8Array, labels: UInt8Array, metres_per_pixel: f
         columns += [min(max(left, columns[-1] + 1), end - 2), min(max(right, columns[-1] + 2), end - 1), end]
     return GroundUnits(
         np.array(columns, np.int64),
-        part_transition_costs(image, labels, np.array(cuts)),
+        part_transition_costs(image, labels, np.array(cuts), [0, len(labels)]).step,
         _shows(labels, cuts, (FacadeClass.DOOR,), metres_per_pixel),
         _shows(labels, cuts, (FacadeClass.DOOR, FacadeClass.SHOP), metres_per_pixel),
     )
@@ -183,6 +180,7 @@ def paint_ground_units(
     style: ExemplarAnalysis,
     wall: FacadeWall,
     wall_floor: WallFloor,
+    bays: IntArray,
     image: UInt8Array,
     labels: UInt8Array,
     rows: Int64Array,
@@ -192,13 +190,14 @@ def paint_ground_units(
 ) -> None:
     """Paint a ground floor of whole elements on a wall, in place; nothing where its bays have to show it.
 
-    Without shops bays show it, as its windows stay below those of the upper floors.
+    Without shops bays show it unless they would cut an element, as its windows stay below those of the upper floors.
 
     Parameters
     ----------
     style : analysed exemplar.
     wall : metric wall.
     wall_floor : its ground floor.
+    bays : bays that it shows.
     image : (h, w, 3) uint8; changed in place.
     labels : (h, w) uint8; changed in place.
     rows : borders of the ground floor's rows, down to the foot, pixels.
@@ -212,17 +211,17 @@ def paint_ground_units(
         return
     own = lattice_rows(style, wall_floor.exemplar_floor)
     down = np.asarray(style.grid.rows[own.start : own.stop + 1])
-    units = _ground_units(style, int(down[0]), int(down[-1]), metres_per_pixel[0])
+    whole = (style.image[down[0] : down[-1]], style.labels[down[0] : down[-1]])
+    are_bays_shown = bays.max() < len(style.structure.bays)
+    if not (whole[1] == FacadeClass.SHOP).any() and not (
+        are_bays_shown and style.bay_price["ground"].cuts_elements(bays)
+    ):
+        return
+    units = find_ground_units(*whole, metres_per_pixel[0])
     if units is None or (arranged := arrange_units(units, wall.width, scale, rng, wall.entrances)) is None:
         return
-    image[top:], labels[top:] = compose_units(
-        (style.image[down[0] : down[-1]], style.labels[down[0] : down[-1]]),
-        units,
-        arranged,
-        (down - down[0], rows - top),
-        labels.shape[1],
-        metres_per_pixel,
-    )
+    borders = down - down[0], rows - top
+    image[top:], labels[top:] = compose_units(whole, units, arranged, borders, labels.shape[1], metres_per_pixel)
 
 
 def compose_units(
@@ -261,9 +260,3 @@ def compose_units(
         columns,
         metres_per_pixel[1] / metres_per_pixel[0],
     )
-
-
-@lru_cache(maxsize=4)
-def _ground_units(style: ExemplarAnalysis, top: int, bottom: int, metres_per_pixel: float) -> GroundUnits | None:
-    """Return the units of an exemplar's ground floor, which its walls share."""
-    return find_ground_units(style.image[top:bottom], style.labels[top:bottom], metres_per_pixel)

@@ -13,7 +13,13 @@ from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Lattice, Synthesis
 from facade_core.facade.texture.genetic import POPULATION_SIZE, NodeConstraints, evolve_tilings
 from facade_core.facade.texture.settings import RETARGETING
-from facade_core.facade.texture.shortest_walks import cheapest_walk, part_transition_costs
+from facade_core.facade.texture.shortest_walks import (
+    WalkCosts,
+    cheapest_walk,
+    find_crossing_elements,
+    part_transition_costs,
+    price_cut_elements,
+)
 from facade_core.facade.texture.synthesis import cell_borders, mean_tile_sizes
 from facade_core.facade.texture.tile_composition import compose_tiles
 from facade_core.facade.texture.tiling_energy import EnergyTables, tabulate_energy
@@ -38,7 +44,7 @@ class ExemplarAnalysis:
     structure : floors and bays.
     grid : lattice of three rows per floor and three columns per bay.
     floor_price : (F, F) price of showing one floor above another.
-    bay_price : per band, (B, B) price of showing one bay left of another.
+    bay_price : per band, prices of showing one bay left of another.
     doors : (B,) bool bays with a door.
     """
 
@@ -47,13 +53,18 @@ class ExemplarAnalysis:
     structure: FloorsAndBays
     grid: Lattice
     floor_price: Float64Array
-    bay_price: dict[str, Float64Array]
+    bay_price: dict[str, WalkCosts]
     doors: BoolArray
 
     @cached_property
     def tables(self) -> EnergyTables:
-        """Return the tabulated energy of tilings of the exemplar."""
-        return tabulate_energy(self.image, self.labels, self.grid)
+        """Return the tabulated energy of tilings of the exemplar, with prices of elements that tiles cut."""
+        tables = tabulate_energy(self.image, self.labels, self.grid)
+        across = find_crossing_elements(self.labels, self.grid.columns, self.grid.rows)
+        down = find_crossing_elements(self.labels.T, self.grid.rows, self.grid.columns).T
+        right = price_cut_elements(across[:, 1:].reshape(1, -1), across[:, :-1].reshape(1, -1))
+        below = price_cut_elements(down[1:].reshape(1, -1), down[:-1].reshape(1, -1))
+        return tables._replace(photo_right=tables.photo_right + right, photo_below=tables.photo_below + below)
 
 
 def retarget(
@@ -139,10 +150,14 @@ def analyse_exemplar(image: UInt8Array, labels: UInt8Array) -> ExemplarAnalysis:
     bands = {"roof": (exemplar.top, _roof_bottom(exemplar)), "ground": (exemplar.ground_top, exemplar.bottom)}
     bands["middle"] = (bands["roof"][1], exemplar.floor_cuts[-1 - (exemplar.kinds[-1] == "ground")])
     bay_price = {
-        name: part_transition_costs(image[a:b], labels[a:b], bay_cuts) for name, (a, b) in bands.items() if b - a >= 2
+        name: part_transition_costs(
+            image[a:b], labels[a:b], bay_cuts, [0, *(cut - a for cut in exemplar.floor_cuts if a < cut < b), b - a]
+        )
+        for name, (a, b) in bands.items()
+        if b - a >= 2
     }
     rows = image[:, bay_cuts[0] : bay_cuts[-1]].transpose(1, 0, 2)
-    floor_price = part_transition_costs(rows, labels.T, np.asarray(exemplar.floor_cuts))
+    floor_price = part_transition_costs(rows, labels.T, np.asarray(exemplar.floor_cuts), exemplar.bay_cuts).step
     floor_price[:, 0] += RETARGETING.eaves_price
     street = (labels[exemplar.ground_top :] == FacadeClass.DOOR).sum(0).astype(np.float64)
     centres = [(first + end - 1) / 2 for first, end in spans_above_threshold(street, 0.25 * street.max())]
@@ -170,9 +185,7 @@ def _compose_facade(
     blank = columns is None and fitting < 0.5
     count = 1 if blank else columns or max(1, round(fitting))
     variants = [initial_tiling(style, floor_indices, count, blank, rng, noise * (k + 1) ** 0.5) for k in range(4)]
-    tiles = variants[0]
-    population = np.stack([variants[k % len(variants)] for k in range(POPULATION_SIZE)])
-    tiles, value = refine_tiling(style, floor_indices, population, blank, rng)
+    tiles, value = refine_tiling(style, floor_indices, variants, blank, rng)
     heights, widths = mean_tile_sizes(style.grid, tiles)
     soft = np.array([True]) if blank else np.tile([True, False, True], count)
     across = cell_borders(fit_sizes_to_total(widths * scale, soft, size[1]), size[1])
@@ -235,18 +248,17 @@ def initial_tiling(
     """Return a first tiling: on each floor the cheapest walk over the bays of its band."""
     exemplar, wide = style.structure, len(style.grid.columns) - 1
     bays = len(exemplar.bays)
-    ends = np.zeros(bays), np.zeros(bays)
-    ends[0][1:], ends[1][:-1] = 1.0, 1.0
     shake = np.exp(noise * rng.standard_normal((bays, bays)))
     walks = {}
-    for band, price in style.bay_price.items():
+    for band, costs in style.bay_price.items():
+        price, ends = costs.step * shake, (costs.start, costs.end)
         if band == "ground" and style.doors.any():
             # of the exemplar's width, with one door each
             houses = max(1, count // max(bays, RETARGETING.min_house_bays))
-            apart = price * shake + np.diag(style.doors)  # no door is beside itself
+            apart = price + np.diag(style.doors)  # no door is beside itself
             walks[band] = cheapest_walk(apart, *ends, count, marked=style.doors, max_marked=houses)
         else:
-            walks[band] = cheapest_walk(price * shake, *ends, count)
+            walks[band] = cheapest_walk(price, *ends, count)
     if blank:
         pier = np.zeros(1, int) + 3 * int(np.argmax(np.diff(style.grid.columns)[::3]))
     lines = []
@@ -268,7 +280,7 @@ def lattice_rows(style: ExemplarAnalysis, floor: int) -> range:
 
 
 def refine_tiling(
-    style: ExemplarAnalysis, floors: list[int], population: Int32Array, blank: bool, rng: np.random.Generator
+    style: ExemplarAnalysis, floors: list[int], variants: list[Int32Array], blank: bool, rng: np.random.Generator
 ) -> tuple[Int32Array, float]:
     """Refine tilings by the genetic algorithm within bands.
 
@@ -278,7 +290,7 @@ def refine_tiling(
     ----------
     style : analysed exemplar.
     floors : exemplar floors from top to bottom.
-    population : (POPULATION_SIZE, M, N) first tilings.
+    variants : first tilings, (M, N) each.
     blank : True for a wall without bays; nothing changes.
     rng : generator of the algorithm.
 
@@ -287,6 +299,7 @@ def refine_tiling(
     (M, N) int32 tiling and its energy.
     """
     exemplar, grid = style.structure, style.grid
+    population = np.stack([variants[k % len(variants)] for k in range(POPULATION_SIZE)])
     tall, wide = len(grid.rows) - 1, len(grid.columns) - 1
     height = np.diff(grid.rows)
     kinds = ["ground" if s < 0 else exemplar.kinds[s] for s in floors for _ in lattice_rows(style, s)]

@@ -84,14 +84,10 @@ FLOORS = FloorSettings()
 
 @dataclass(frozen=True, slots=True)
 class EntranceSettings:
-    """Shops at corners and doors of backs.
+    """Doors of backs.
 
     Attributes
     ----------
-    min_corner_m : smallest width of a corner with a shop, metres.
-    jamb_m : exemplar's ground floor on either side of the shop, metres.
-    max_shop_stretch : largest factor by which a shop is stretched or squeezed.
-    door_bonus : preference of a shop with a door, in log stretch.
     door_size_m : width and height of a back door with its frame, metres.
     frame_m : width of its frame, metres.
     door_margin_m : wall on either side of it, metres.
@@ -100,10 +96,6 @@ class EntranceSettings:
     plank_m, rail_m, groove_m : widths of a plank, of the rail around a panel, and of a groove, metres.
     """
 
-    min_corner_m: float = 1.1
-    jamb_m: float = 0.2
-    max_shop_stretch: float = 1.9
-    door_bonus: float = 0.5
     door_size_m: tuple[float, float] = (1.02, 2.12)
     frame_m: float = 0.07
     door_margin_m: float = 0.2
@@ -379,7 +371,7 @@ class RetargetingSettings:
     cut_reach_px : pixels on either side of a cut that are compared.
     jump_price : price of any jump, in mean absolute colour difference (0-1).
     repeat_price : price of showing a part twice in a row.
-    cut_price : price of a jump through windows or doors along the whole cut.
+    min_cut_px : pixels of a cut through an element from which it counts; the parser may join elements by less.
     mismatch_price : price of a jump between different labels, such as from a balcony to plain wall.
     """
 
@@ -392,7 +384,7 @@ class RetargetingSettings:
     cut_reach_px: int = 4
     jump_price: float = 0.03
     repeat_price: float = 0.02
-    cut_price: float = 4.0
+    min_cut_px: int = 4
     mismatch_price: float = 0.6
 
 

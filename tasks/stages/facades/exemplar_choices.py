@@ -293,7 +293,6 @@ def exemplar_library(records: Sequence[ExemplarRecord]) -> ExemplarLibrary:
     """Return the exemplars of records as the library to choose from."""
     parts = [ExemplarQuality(**record["quality_parts"]) for record in records]
     return ExemplarLibrary(
-        [record["width_m"] for record in records],
         [record["height_m"] for record in records],
         [record["floors"] for record in records],
         [record["shop_width"] for record in records],
@@ -303,7 +302,7 @@ def exemplar_library(records: Sequence[ExemplarRecord]) -> ExemplarLibrary:
             quality.body if record.get("cut_found", True) else 0.0
             for quality, record in zip(parts, records, strict=True)
         ],
-        [quality.foot for quality in parts],
+        [quality.ground_floor for quality in parts],
         [record["look"] for record in records],
         [facade_style_number(record.get("style")) for record in records],
     )

@@ -11,7 +11,7 @@ from facade_core.core.errors import ImageError
 from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.retargeting import analyse_exemplar, initial_tiling, retarget
 from facade_core.facade.texture.scale import exemplar_scale
-from facade_core.facade.texture.shortest_walks import cheapest_walk
+from facade_core.facade.texture.shortest_walks import cheapest_walk, part_transition_costs
 from facade_core.parsing.floor_structure import count_floors, find_floors_and_bays, floor_bay_lattice, window_row_spans
 
 MPP = 0.08  # the drawn facade's 40 px floors are 3.2 m
@@ -146,6 +146,18 @@ def test_walks_keep_neighbours_and_show_the_door_once():
     walk = cheapest_walk(price, *ends, 9, marked=door, max_marked=1)
     assert (walk == 1).sum() == 1
     assert (walk[0], walk[-1]) == (0, 3)
+
+
+def test_no_walk_cuts_a_door_or_half_a_balcony():
+    labels = np.full((60, 160), FacadeClass.WALL, np.uint8)
+    labels[20:, 70:90] = FacadeClass.DOOR  # across the middle cut
+    labels[5:12, 10:70] = FacadeClass.BALCONY  # of the first two parts
+    costs = part_transition_costs(np.zeros((60, 160, 3), np.uint8), labels, np.arange(0, 161, 40), [0, 60])
+    for length in (1, 2, 3, 4, 6):
+        walk = cheapest_walk(*costs, length)
+        assert not costs.cuts_elements(walk)
+    for walk in ([1], [0, 1], [2, 3], [0, 2, 3], [0, 1, 2, 2, 3], [1, 2, 3]):
+        assert costs.cuts_elements(np.array(walk))
 
 
 def test_scale_from_floors_a_door_or_one_row(facade):
