@@ -121,13 +121,16 @@ def write_factored_tiles(
     from facade_core.export.tiles.far_shells import build_shells
     from facade_core.export.tiles.settings import TILE_CELLS
     from facade_core.export.tiles.tileset import TiledModel, TileSettings, count_tiles, write_tileset
+    from tasks.export.surroundings import build_surrounding_model
 
     start = time.monotonic()
     whole = results.textured_mesh
     source = replace(whole, mesh=filter_triangles(whole.mesh, np.isin(whole.charts.building[whole.mesh.chart], shown)))
     frame, extras, notes = georeference_tiles(results, mesh_y_up_frame(source.mesh).origin, crs)
     cells = build_quadtree(source)
-    walls = build_factored_walls(results, buildings, [FAR_DETAIL, NEAR_DETAIL], len(buildings) + count_tiles(cells, 2))
+    around = build_surrounding_model(results, shown, frame, is_instanced=True)
+    count = len(buildings) + count_tiles(cells, 2) + around.parts
+    walls = build_factored_walls(results, buildings, [FAR_DETAIL, NEAR_DETAIL], count)
     far, near = walls.details
     every = merge_pieces([*far.values(), *near.values()])
     pictures, used, features = (
@@ -170,7 +173,7 @@ def write_factored_tiles(
         write_picture,
     )
     tiled = write_tileset(
-        TiledModel(source, shells, frame, features),
+        TiledModel(source, shells, frame, features, around=around),
         cells,
         TileSettings(used, COARSE_TEXEL_SHARE, levels=leaves.build_detail_levels),
         write,
