@@ -18,6 +18,7 @@ import numpy as np
 import shapely
 
 from catalogs.block.reader import read_block
+from catalogs.published.folders import file_size
 from facade_core.core.street_objects import OBJECT_KIND_NAMES, OBJECT_KINDS, PlacedObjects
 from facade_core.core.surrounding_mesh import NO_SURROUNDINGS
 from facade_core.export.models.textured_mesh import mesh_y_up_frame
@@ -93,7 +94,7 @@ def _count_faults(placed: PlacedObjects, layout: SceneLayout, footprints: list[s
 def measure_model(out: Path) -> dict[str, Any]:
     """Return the bytes of block.glb of a run, and how many times those that it has without objects and neighbours."""
     with open_published_run(out) as results:
-        whole = results.snapshot.model.stat().st_size
+        whole = file_size(results.snapshot.model) or 0
         shown = append_ground_index(results, results.select_buildings(()))
         around = build_surrounding_model(results, shown, mesh_y_up_frame(results.plan.scene.mesh))
         parts = {"objects": around.objects_alone, "neighbours": around.neighbours_alone}

@@ -77,7 +77,9 @@ def place_objects(
     free = _FreeGround(ground.ways, footprints)
     lines = np.array([way.line for way in ground.ways if way.kind != "crossing"], object)
     ways = shapely.STRtree(lines)
-    found, heights, taken = [], [], shapely.STRtree([])
+    found: list[_Candidate] = []
+    heights: list[float] = []
+    taken = shapely.STRtree([])
     for is_stated, some in groupby(resolve_kerb_objects(ground), lambda one: one.is_stated):
         if not is_stated:
             taken = shapely.STRtree([one.standing_area() for one in found if not one.kind.is_overhead])
