@@ -2,7 +2,7 @@
 
 python -m benchmarks.street.around OUT [--pairs FOLDER --key FILE] [--sheet FILE]
 
---pairs: numbered pairs, without to the left or right by chance; the key says which. --sheet: the first, without to the left.
+--pairs: numbered pairs, without to the left or right by chance; the key says which. --sheet: some, without to the left.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import chain, islice
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +31,8 @@ SEED, SIZE, GAP = 75, (540, 810), 12
 TURNED = 15.0
 # Pairs from above, their height over the street and how far ahead they look, metres.
 FROM_ABOVE, ABOVE_M, AHEAD_M = 6, 24.0, 45.0
-ON_SHEET, SHEET_WIDTH = 3, 1100
+# Pairs on the sheet: trees, neighbours, and both from above.
+ON_SHEET, SHEET_WIDTH = (11, 13, 20, 22), 1000
 
 
 def choose_cameras(out: Path, viewpoints: Sequence[Viewpoint]) -> list[PerspectiveCamera]:
@@ -84,14 +85,17 @@ def main() -> None:
     parser.add_argument("--sheet", type=Path)
     options = parser.parse_args()
     with open_published_run(options.out) as results:
-        pairs = draw_pairs(results, choose_cameras(options.out, results.plan.viewpoints))
+        cameras = choose_cameras(options.out, results.plan.viewpoints)
         if options.sheet:
-            drawn = Image.fromarray(np.concatenate([join_pair(*pair) for pair in islice(pairs, ON_SHEET)]))
-            drawn.thumbnail((SHEET_WIDTH, SHEET_WIDTH))
-            drawn.save(options.sheet, quality=78, optimize=True)
+            shown = draw_pairs(results, [cameras[number] for number in ON_SHEET])
+            drawn = Image.fromarray(np.concatenate([join_pair(*pair) for pair in shown]))
+            drawn.resize((SHEET_WIDTH, round(drawn.height * SHEET_WIDTH / drawn.width))).save(
+                options.sheet, quality=78, optimize=True
+            )
         elif options.pairs:
             options.pairs.mkdir(parents=True, exist_ok=True)
             is_turned = np.random.default_rng(SEED).random(PAIRS) < 0.5
+            pairs = draw_pairs(results, cameras)
             for number, (pair, turn) in enumerate(zip(pairs, is_turned, strict=True), 1):
                 Image.fromarray(join_pair(*(pair[::-1] if turn else pair))).save(options.pairs / f"{number:02}.png")
             lines = [
