@@ -38,7 +38,7 @@ ON_SHEET, SHEET_WIDTH = (11, 13, 20, 22), 1000
 def choose_cameras(out: Path, viewpoints: Sequence[Viewpoint]) -> list[PerspectiveCamera]:
     """Return cameras at eye height that look along the streets of a run by chance, and some higher up."""
     output, rng = read_output(out), np.random.default_rng(SEED)
-    found = []
+    found: list[PerspectiveCamera] = []
     for place in rng.permutation(len(viewpoints)).tolist():
         forward = viewpoints[place].forward * rng.choice([-1, 1])
         heading = np.arctan2(forward[1], forward[0]) + np.radians(rng.uniform(-TURNED, TURNED))

@@ -16,10 +16,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from catalogs.block.geometry import buildings_extent_with_margin
 from catalogs.block.keys import suggest_name
 from catalogs.block.reader import Block, read_block
 from catalogs.block.settings import replace_settings
-from catalogs.block.terrain_files import find_terrain
+from catalogs.block.terrain_checks import find_terrain
 from catalogs.block.yaml_files import format_yaml
 from catalogs.buildings.axis_mistakes import SWAPPED_AXES_NOTE, format_numbers, reject_metres
 from catalogs.buildings.densest_square import densest_building_square, square_bounds
@@ -297,7 +298,8 @@ def _write_block_file(
             if isinstance(area, float):  # the area is that of the buildings: nobody wrote it
                 raise InputError(_swapped_file_message(geometry, bounds)) from error
             raise
-        terrain = find_terrain({geometry.buildings.parent.resolve(), path.parent.resolve()}, block)
+        folders = {geometry.buildings.parent.resolve(), path.parent.resolve()}
+        terrain = find_terrain(folders, block.crs, block.buildings, buildings_extent_with_margin(block.buildings))
         if terrain:
             keys["terrain"] = {"path": path_in_block_file(terrain, path)}
             notify(f"reading {terrain}")
