@@ -134,12 +134,26 @@ def build_block_ground(
             areas += _clipped_areas(id, geometry, surface, around)
         elif "LineString" in geometry.geom_type and tags.get("area") != "yes" and _may_be_way(tags):
             for line in _parts_within(geometry, around, "LineString"):
-                ways += ways_from_tags(id, line, tags)
+                found = ways_from_tags(id, line, tags)
+                objects += _plausible_objects(found, tags)
+                ways += found
                 street[id] = f"{tags.get('highway')} {tags.get('name', id)}"
     ways = _equalise_widths(ways, street)
     roads = [way for way in ways if way.kind == "road"]
     ways += [crossing for id, node in nodes if (crossing := _node_crossing(id, node, roads)) is not None]
     return MappedGround(tuple(ways), tuple(areas), outline, tuple(objects))
+
+
+def _plausible_objects(ways: Sequence[GroundWay], tags: Mapping[str, str]) -> list[GroundObject]:
+    """Return what roads have in all likelihood: lamps where they are lit, cars where these park along the kerb."""
+    roads = [way for way in ways if way.kind == "road"]
+    lamps = [way for way in roads if tags.get("lit") == "yes"]
+    parked = [way for way in roads if PARKING_WIDTH_M["parallel"] in way.parking]
+    return [
+        GroundObject(way.id, way.line, kind, is_stated=False)
+        for kind, having in (("street_lamp", lamps), ("parked_car", parked))
+        for way in having
+    ]
 
 
 def _may_be_way(tags: Mapping[str, str]) -> bool:

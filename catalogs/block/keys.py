@@ -525,10 +525,12 @@ class BlockFileSettings(Section):
         Key("Height of a storey where only storeys are known.", unit="m", effect=Effect.PLAN),
     ] = 3.2
     props: Annotated[
-        Literal["off", "stated"],
+        Literal["off", "stated", "plausible"],
         Key(
-            "What stands around: trees, hedges, fences, lamps, benches and other objects that the map states, and, where "
-            "`area` is given, plain buildings and ground to 150 m from it (`stated`), or nothing (`off`).",
+            "What stands around: trees, hedges, fences, lamps, tram wires and other objects that the map states, and, where "
+            "`area` is given, plain buildings and ground to 150 m from it (`stated`); besides, lamps along lit streets without "
+            "any and cars where parking along the kerb is stated (`plausible`, marked in models and counted apart); or nothing "
+            "(`off`).",
             effect=Effect.PLAN,
         ),
     ] = "stated"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
@@ -117,6 +118,18 @@ class Block(WithSettings):
         north, east = "N" if latitude >= 0.0 else "S", "E" if longitude >= 0.0 else "W"
         name = f"{self.crs.to_string()}, {self.crs.name}" if self.crs.to_authority() else self.crs.name
         return f"{abs(latitude):.4f} {north}, {abs(longitude):.4f} {east} ({name})"
+
+    def describe_heights(self) -> str:
+        """Return where the heights of the ground and of the buildings come from, and how they count from the ellipsoid."""
+        terrain, stated = self.settings.terrain, Counter(one.height_source for one in self.buildings)
+        ground = "ground by the feet of the buildings" if _have_feet(self.buildings) else "flat ground"
+        if terrain is not None:
+            ground = f"ground of {Path(terrain.path).name}"
+        buildings = ", ".join(f"{count} from {source}" for source, count in stated.most_common())
+        geoid = "as given, also for globes (key geoid_separation)"
+        if self.geoid_separation is not None:
+            geoid = f"above a geoid {self.geoid_separation:.2f} m over the ellipsoid"
+        return f"{ground}; buildings: {buildings}; {geoid}"
 
 
 def read_block(path: Path | str) -> Block:
@@ -301,9 +314,14 @@ def _read_part(keys: BlockFileSettings, files: NamedFiles, file: BlockFileErrorC
     )
 
 
+def _have_feet(buildings: Iterable[Building]) -> bool:
+    """Return whether a source states the height of the ground at a building."""
+    return any(building.base is not None or building.shell is not None for building in buildings)
+
+
 def _flat_terrain_notes(buildings: Iterable[Building], terrain: ElevationRaster | None) -> tuple[str, ...]:
     """Return a note if no source states the height of the ground."""
-    if terrain is not None or any(building.base is not None or building.shell is not None for building in buildings):
+    if terrain is not None or _have_feet(buildings):
         return ()
     return ("no source states the height of the ground, so it is flat; for a slope give terrain: {path: ...}",)
 

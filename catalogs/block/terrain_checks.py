@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 
 from catalogs.buildings.surface_heights import heights_within
 from catalogs.printable_text import format_count
+from catalogs.readers.pictures.elevation import read_elevation
+from facade_core.core.errors import InputError
 from facade_core.core.types import Building, ElevationRaster
+
+if TYPE_CHECKING:
+    from pyproj import CRS
+
+    from catalogs.buildings.extents import Bounds
 
 _RING_M = (3.0, 8.0)  # around a building, where its ground is seen
 _MAX_SAMPLE = 200  # buildings
@@ -22,6 +32,28 @@ _MAX_MIXED_SHARE = 0.35  # cells between 0 and heights, of those with 0
 _MAX_CELL_M = 5.0  # larger cells do not show a roof
 _MAX_STEEP_SHARE = 0.25
 _STEEP = 1.5  # metres a metre
+# Suffixes of rasters of heights; pictures have others too.
+_SUFFIXES = frozenset((".tif", ".tiff", ".asc", ".img", ".jp2", ".dt0", ".dt1", ".dt2", ".hgt", ".vrt"))
+
+
+def find_terrain(folders: Iterable[Path], crs: CRS, buildings: Sequence[Building], extent: Bounds) -> Path | None:
+    """Find the raster in some folders that has the ground of a block, without roofs: of several, the finest.
+
+    Pictures, rasters of other places and all that `note_terrain_doubts` doubts are left out.
+
+    Parameters
+    ----------
+    crs : metric frame of the block.
+    buildings : buildings of the block.
+    extent : (xmin, ymin, xmax, ymax) around them.
+    """
+    found = []
+    for path in sorted({path for folder in folders for path in folder.iterdir() if path.suffix.lower() in _SUFFIXES}):
+        with suppress(InputError, OSError):
+            terrain = read_elevation(path, crs, extent)
+            if not note_terrain_doubts(terrain, buildings, path.name):
+                found.append((terrain.step, path.name, path))
+    return min(found)[2] if found else None
 
 
 def note_terrain_doubts(terrain: ElevationRaster, buildings: Sequence[Building], name: str) -> tuple[str, ...]:

@@ -68,7 +68,8 @@ def build_ground_objects(
 
 def select_objects(ground: MappedGround, props: str) -> MappedGround:
     """Return the ground with its objects as the block key `props` asks."""
-    return replace(ground, objects=()) if props == "off" else ground
+    kept = {"off": (), "stated": (True,), "plausible": (True, False)}[props]
+    return replace(ground, objects=tuple(one for one in ground.objects if one.is_stated in kept))
 
 
 def _parse_direction(text: str) -> float | None:

@@ -313,6 +313,7 @@ TABLES = {
                 _column("position", "object xyz", "float64", "middle of the foot", "m", is_position=True),
                 _column("heading", "object", "float64", "of the front, clockwise from grid north", "degree"),
                 _column("size", "object along_deep_high", "float64", "along the front, deep and high", "m"),
+                _column("is_stated", "object", "bool", "False where no map states it", is_optional=True),
             ),
             is_optional=True,
         ),

@@ -11,7 +11,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from facade_core.core.arrays import Float64Array, Int32Array
+from facade_core.core.arrays import BoolArray, Float64Array, Int32Array
 
 
 class Facing(StrEnum):
@@ -38,6 +38,7 @@ class ObjectKind:
     is_joined : pieces along a line are stretched to meet each other.
     foot_m : radius that keeps clear of walls and carriageways.
     is_overhanging : only the foot takes room on the ground, as of trees and lamps.
+    is_overhead : hangs above carriageways and tracks, clear of walls.
     variants : number of models.
     """
 
@@ -52,6 +53,7 @@ class ObjectKind:
     foot_m: float = 0.3
     variants: int = 1
     is_overhanging: bool = False
+    is_overhead: bool = False
 
     def is_stated_by(self, tags: Mapping[str, str]) -> bool:
         """Return whether tags state an object of this kind."""
@@ -74,6 +76,9 @@ OBJECT_KINDS = (
     ObjectKind("shelter", (("amenity", "shelter"),), (3.6, 1.7, 2.5), foot_m=1.0),
     ObjectKind("parked_car", (("amenity", "parking_space"),), (1.8, 4.4, 1.5), foot_m=0.9, variants=3),
     ObjectKind("fence", (("barrier", "fence"),), (2.0, 0.08, 1.3), Facing.LINE, None, 0.0, 2.0, True, 0.04),
+    ObjectKind("catenary_mast", (("power", "catenary_mast"),), (0.3, 2.6, 7.0), is_overhanging=True),
+    ObjectKind("tram_wire", (("railway", "tram"), ("railway", "light_rail")), (5.0, 0.03, 5.5), Facing.LINE,
+               ("electrified", "contact_line"), 0.0, 5.0, True, is_overhead=True),
     ObjectKind("hedge", (("barrier", "hedge"),), (2.0, 0.8, 1.2), Facing.LINE, None, 0.0, 2.0, True, 0.2, 2),
 )  # fmt: skip
 OBJECT_KIND_NAMES = tuple(kind.name for kind in OBJECT_KINDS)
@@ -98,6 +103,13 @@ def object_tag_values() -> dict[str, list[str]]:
     return found
 
 
+def heading_axes(heading: Float64Array) -> Float64Array:
+    """Return right, ahead and up (n, 3, 3) of fronts by their headings (n,), degrees clockwise from north."""
+    turn = np.radians(heading)
+    sine, cosine, zero = np.sin(turn), np.cos(turn), np.zeros(len(turn))
+    return np.stack([cosine, -sine, zero, sine, cosine, zero, zero, zero, zero + 1], axis=1).reshape(-1, 3, 3)
+
+
 @dataclass(frozen=True, eq=False)
 class PlacedObjects:
     """Objects that stand on the ground of a block, a row each.
@@ -110,6 +122,7 @@ class PlacedObjects:
     position : (n, 3) middle of the foot, world metres.
     heading : (n,) direction of the front, degrees clockwise from grid north.
     size : (n, 3) length along the front, depth and height, metres.
+    is_stated : (n,) the map states the object; else its street only has such objects in all likelihood.
     """
 
     id: tuple[str, ...]
@@ -118,14 +131,18 @@ class PlacedObjects:
     position: Float64Array
     heading: Float64Array
     size: Float64Array
+    is_stated: BoolArray
 
     def __len__(self) -> int:
         return len(self.id)
 
     def counts(self) -> dict[str, int]:
-        """Return the number of objects of each kind that occurs."""
-        number = np.bincount(self.kind, minlength=len(OBJECT_KINDS)).tolist()
-        return {name: count for name, count in zip(OBJECT_KIND_NAMES, number, strict=True) if count}
+        """Return the number of stated objects of each kind that occurs."""
+        return _count_kinds(self.kind[self.is_stated])
+
+    def plausible_counts(self) -> dict[str, int]:
+        """Return the number of objects of each kind that occurs and that no map states."""
+        return _count_kinds(self.kind[~self.is_stated])
 
     def rows_by_model(self) -> Iterator[tuple[ObjectKind, int, Int32Array]]:
         """Yield the kind, the variant and the rows of the objects of each model."""
@@ -136,6 +153,17 @@ class PlacedObjects:
                     yield kind, variant, rows
 
 
+def _count_kinds(kind: Int32Array) -> dict[str, int]:
+    number = np.bincount(kind, minlength=len(OBJECT_KINDS)).tolist()
+    return {name: count for name, count in zip(OBJECT_KIND_NAMES, number, strict=True) if count}
+
+
 NO_OBJECTS = PlacedObjects(
-    (), np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3))
+    (),
+    np.zeros(0, np.int32),
+    np.zeros(0, np.int32),
+    np.zeros((0, 3)),
+    np.zeros(0),
+    np.zeros((0, 3)),
+    np.zeros(0, bool),
 )

@@ -465,7 +465,7 @@ SURFACES = ("gravel", "asphalt", "slabs", "setts", "grass", "water", "track")
 
 @dataclass(frozen=True, slots=True)
 class GroundObject:
-    """Object on the ground that a map states, in the block's metric frame.
+    """Object on the ground that a map states or makes likely, in the block's metric frame.
 
     Attributes
     ----------
@@ -474,6 +474,7 @@ class GroundObject:
     kind : name in `facade_core.core.street_objects.OBJECT_KINDS`.
     height, width : metres, 0 where not stated; the width is that of a crown or hedge.
     direction : degrees clockwise from north that its front faces; None where not stated.
+    is_stated : the map states the object; else that the road of the same id has such, and the line is that road's.
     """
 
     id: str
@@ -482,6 +483,7 @@ class GroundObject:
     height: float = 0.0
     width: float = 0.0
     direction: float | None = None
+    is_stated: bool = True
 
 
 @dataclass(frozen=True, slots=True)

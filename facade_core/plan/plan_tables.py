@@ -265,7 +265,8 @@ def _plan_from_tables(tables: Mapping[str, TableValues], texels_per_metre: float
 
 def _objects_from_table(values: TableValues) -> PlacedObjects:
     kinds = np.array([OBJECT_KIND_NAMES.index(kind) for kind in values["kind"]], np.int32)
-    return _from_columns(PlacedObjects, {**values, "kind": kinds})
+    is_stated = values.get("is_stated", np.ones(len(kinds), bool))
+    return _from_columns(PlacedObjects, {**values, "kind": kinds, "is_stated": is_stated})
 
 
 def _street_density_column(plan: Plan) -> dict[str, Float64Array]:

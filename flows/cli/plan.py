@@ -94,7 +94,7 @@ def _describe_estimate(counts: EstimatedCounts, estimate: JsonObject, workers: i
     size = format_count(estimate["blocks"], "block") if counts.is_city else "one block"
     return [
         f"{counts.name}: {size}, about {found}",
-        *([f"  place      {counts.place}"] if counts.place else []),
+        *([f"  place      {counts.place}", f"  heights    {counts.heights}"] if counts.place else []),
         f"  time       {describe_time('hours')} with {where}",
         f"  processor  {describe_time('processor_hours')} of one processor",
         f"  disk       {estimate['gigabytes']:.2g} GB, {estimate['commits']:,} commits",

@@ -53,7 +53,7 @@ class EstimatedCounts:
     parts_are_files : whether the parts are block files, of which the others were not read.
     margin_s : half width of the interval that the sample leaves, in processor seconds of all blocks.
     is_city : False for a block file that `streetloom run` textures as it is.
-    place : place of a map that is read whole, in words.
+    place, heights : place of a map that is read whole, and what its heights are, in words.
     """
 
     name: str
@@ -64,6 +64,7 @@ class EstimatedCounts:
     is_city: bool
     parts_are_files: bool = False
     place: str = ""
+    heights: str = ""
 
 
 def estimate_counts(path: Path, notify: Notify = lambda step: None) -> EstimatedCounts:
@@ -112,7 +113,8 @@ def estimate_block_counts(block: Block, block_size: float | None, notify: Notify
     if block_size is None and (block.part is not None or len(block.buildings) <= MAX_WHOLE_BUILDINGS):
         notify(f"planning {format_count(len(block.buildings), 'building')}")
         counts = replace(block_counts_from_map(block), **block_counts_from_plan(block))
-        return EstimatedCounts(block.name, (counts,), 1, 1, 0.0, is_city=False, place=block.describe_place())
+        place, heights = block.describe_place(), block.describe_heights()
+        return EstimatedCounts(block.name, (counts,), 1, 1, 0.0, is_city=False, place=place, heights=heights)
     if not block.streets:
         notify("deriving the streets")
         block = replace(block, streets=derive_streets([building.footprint for building in block.buildings]))
@@ -152,6 +154,7 @@ def estimate_block_counts(block: Block, block_size: float | None, notify: Notify
         margin,
         is_city=block_size is not None,
         place=block.describe_place(),
+        heights=block.describe_heights(),
     )
 
 

@@ -16,9 +16,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from catalogs.block.geometry import buildings_extent_with_margin
 from catalogs.block.keys import suggest_name
 from catalogs.block.reader import Block, read_block
 from catalogs.block.settings import replace_settings
+from catalogs.block.terrain_checks import find_terrain
 from catalogs.block.yaml_files import format_yaml
 from catalogs.buildings.axis_mistakes import SWAPPED_AXES_NOTE, format_numbers, reject_metres
 from catalogs.buildings.densest_square import densest_building_square, square_bounds
@@ -112,6 +114,7 @@ class NewBlock:
     wall_count : walls that a run textures, at streets or not.
     folder : folder of the pictures.
     painted : folder that received the painted exemplars; None with others.
+    terrain : raster of the ground that was found beside the map or the block file.
     """
 
     path: Path
@@ -124,6 +127,7 @@ class NewBlock:
     wall_count: int
     folder: Path | None
     painted: Path | None = None
+    terrain: Path | None = None
 
     def lines(self) -> list[str]:
         """Format the result, one line for each fact."""
@@ -138,6 +142,7 @@ class NewBlock:
         return [
             f"frame      {self.block.crs.to_string()} ({self.block.crs.name})",
             f"buildings  {len(self.block.buildings)}, heights: {stated}",
+            *([f"terrain    {self.terrain}, found beside the map"] if self.terrain else []),
             f"streets    {given}",
             f"facades    {len(self.facades)} seen from a street, such as {', '.join(self.facades[:3])}; with side and back "
             f"walls a run textures {self.wall_count}",
@@ -293,6 +298,12 @@ def _write_block_file(
             if isinstance(area, float):  # the area is that of the buildings: nobody wrote it
                 raise InputError(_swapped_file_message(geometry, bounds)) from error
             raise
+        folders = {geometry.buildings.parent.resolve(), path.parent.resolve()}
+        terrain = find_terrain(folders, block.crs, block.buildings, buildings_extent_with_margin(block.buildings))
+        if terrain:
+            keys["terrain"] = {"path": path_in_block_file(terrain, path)}
+            notify(f"reading {terrain}")
+            block = _read_draft(draft, keys, options)
         notify(
             f"planning {format_count(len(block.buildings), 'building')} and {format_count(len(block.streets), 'street')}"
         )
@@ -314,7 +325,7 @@ def _write_block_file(
         os.replace(draft, path)
     finally:
         draft.unlink(missing_ok=True)
-    return NewBlock(path, block, panoramas, named, unused, unplaced, fronts, len(ids), photos)
+    return NewBlock(path, block, panoramas, named, unused, unplaced, fronts, len(ids), photos, terrain=terrain)
 
 
 def given_streets_frame(geometry: MapFiles) -> dict[str, str]:

@@ -26,6 +26,7 @@ from tasks.engine.progress import report_progress
 from tasks.export.earth import georeference_tiles
 from tasks.export.factored_walls import build_factored_walls
 from tasks.export.features import build_feature_table
+from tasks.export.surroundings import build_surrounding_model
 from tasks.publish.published_run import PublishedBlock
 
 STATISTICS_FILE = "figures.json"
@@ -114,7 +115,9 @@ def write_factored_tiles(
     source = replace(whole, mesh=filter_triangles(whole.mesh, np.isin(whole.charts.building[whole.mesh.chart], shown)))
     frame, extras, notes = georeference_tiles(results, mesh_y_up_frame(source.mesh).origin, crs)
     cells = build_quadtree(source)
-    walls = build_factored_walls(results, buildings, [FAR_DETAIL, NEAR_DETAIL], len(buildings) + count_tiles(cells, 2))
+    around = build_surrounding_model(results, shown, frame, is_instanced=True)
+    count = len(buildings) + count_tiles(cells, 2) + around.parts
+    walls = build_factored_walls(results, buildings, [FAR_DETAIL, NEAR_DETAIL], count)
     far, near = walls.details
     every = merge_pieces([*far.values(), *near.values()])
     pictures, used, features = (
@@ -157,7 +160,7 @@ def write_factored_tiles(
         write_picture,
     )
     tiled = write_tileset(
-        TiledModel(source, shells, frame, features),
+        TiledModel(source, shells, frame, features, around=around),
         cells,
         TileSettings(used, COARSE_TEXEL_SHARE, levels=leaves.build_detail_levels),
         write,

@@ -25,7 +25,6 @@ from facade_core.export.models.textured_mesh import (
     mesh_y_up_frame,
     pack_charts_on_pages,
 )
-from facade_core.export.surroundings.gltf import SurroundingModel
 from facade_core.export.tiles.cells import build_quadtree
 from facade_core.export.tiles.far_shells import build_shells
 from facade_core.export.tiles.settings import TILE_CELLS
@@ -37,6 +36,7 @@ from tasks.export.features import build_feature_table
 from tasks.export.lighting import is_mostly_photographed, relighting_inputs
 from tasks.export.registry import FACTORED
 from tasks.export.relief import add_requested_relief, is_relief_requested
+from tasks.export.surroundings import build_surrounding_model
 from tasks.publish.published_run import PublishedBlock
 
 # Default picture encoding of 3D Tiles, which every client reads.
@@ -139,8 +139,6 @@ def write_glb_models(
     (folder / "buildings").mkdir()
     begin_stage("export", len(buildings) + 1)
 
-    around = SurroundingModel(results.plan.objects, results.plan.surroundings, frame, is_unlit=source.maps is None)
-
     def write(path: Path, selection: IntArray) -> None:
         drawn = pack_charts_on_pages(source, source.select_charts(selection))
         nodes, _ = build_nodes([drawn], results.names, frame)
@@ -148,8 +146,11 @@ def write_glb_models(
         textures_by_page = [encode_textures(draw_page_images(drawn, page), ENCODERS["jpeg"]) for page in pages]
         time: TimeOfDay = "night or day" if night else "day or night"
         named = results.attribution.line
-        append = around.append if -1 in selection else None
-        path.write_bytes(encode_glb(nodes, textures_by_page, extras=extras, copyright=named, time=time, append=append))
+        is_unlit = source.maps is None
+        around = build_surrounding_model(results, selection, frame, is_unlit=is_unlit)
+        path.write_bytes(
+            encode_glb(nodes, textures_by_page, extras=extras, copyright=named, time=time, append=around.append)
+        )
         report_progress("export", 1)
 
     for building in buildings.tolist():
@@ -193,14 +194,16 @@ def write_3dtiles(
         return write_factored_tiles(results, buildings, append_ground_index(results, buildings), folder, crs)
     encoded = texture_encoder(textures)
     source, notes = mesh_with_requested_lighting(results, lit, night, relief, lit_by_default=False)
-    chosen = np.isin(source.charts.building[source.mesh.chart], append_ground_index(results, buildings))
+    shown = append_ground_index(results, buildings)
+    chosen = np.isin(source.charts.building[source.mesh.chart], shown)
     source = replace(source, mesh=filter_triangles(source.mesh, chosen))
     density = results.plan.scene.spec.texels_per_metre
     frame, extras, earth_notes = georeference_tiles(results, mesh_y_up_frame(source.mesh).origin, crs)
     notes += earth_notes
     cells = build_quadtree(source)
     time: TimeOfDay = "night" if night else "day"
-    begin_stage("export", len(buildings) + count_tiles(cells))
+    around = build_surrounding_model(results, shown, frame, is_unlit=source.maps is None, is_instanced=True)
+    begin_stage("export", len(buildings) + count_tiles(cells) + around.parts)
     shells = build_shells(source, density * TILE_CELLS.coarse_scale, lambda: report_progress("export", 1))
     view_mb = encoded.max_view_mb if max_texture_mb is None else max_texture_mb
     scale = view_texture_scale(source, shells, cells, encoded, view_mb * 1e6, time)
@@ -223,6 +226,7 @@ def write_3dtiles(
             frame,
             build_feature_table(results),
             add_requested_relief(results, source, buildings, relief),
+            around,
         ),
         cells,
         TileSettings(encoded, scale, time),

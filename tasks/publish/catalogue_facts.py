@@ -115,6 +115,7 @@ def block_facts(
             "streets": len(plan.streets),
             "viewpoints": len(plan.viewpoints),
             **{f"objects_{kind}": count for kind, count in plan.objects.counts().items()},
+            **{f"plausible_objects_{kind}": count for kind, count in plan.objects.plausible_counts().items()},
             "windows": sum(row["windows"] or 0 for row in rows.facades),
         },
         settings={

@@ -42,7 +42,7 @@ _GROUND_COLUMNS = frozenset(
 _GROUND_TAGS = frozenset(
     (
         "highway", "railway", "natural", "leisure", "landuse", "waterway", "place", "amenity", "area:highway", "man_made",
-        "barrier",
+        "barrier", "power",
     )
 )  # fmt: skip
 _OPEN_WALLS_REASON = (

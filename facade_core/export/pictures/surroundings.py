@@ -9,7 +9,7 @@ from facade_core.core.linear_light import linear_to_srgb
 from facade_core.core.street_objects import PlacedObjects
 from facade_core.core.surrounding_mesh import SurroundingMesh
 from facade_core.export.surroundings.colours import surrounding_colours
-from facade_core.export.surroundings.models import build_object_model
+from facade_core.export.surroundings.models import build_object_model, place_model
 from facade_core.geometry.charts import Mesh
 from facade_core.geometry.raycast import MISS, RayCaster
 from facade_core.street.lighting.settings import SKY_LOOK
@@ -24,12 +24,7 @@ class SurroundingView:
         colours = [surrounding_colours(around)[around.triangles].mean(axis=1)]
         for kind, variant, rows in placed.rows_by_model():
             model = build_object_model(kind, variant)
-            heading = np.radians(placed.heading[rows])
-            sine, cosine, zero = np.sin(heading), np.cos(heading), np.zeros(len(rows))
-            turn = np.stack([cosine, sine, zero, -sine, cosine, zero, zero, zero, zero + 1], axis=1).reshape(-1, 3, 3)
-            points = np.einsum("nij,vnj->nvi", turn, model.position[:, None] * (placed.size[rows] / kind.size))
-            points += placed.position[rows, None]
-            corners.append(points[:, model.triangles].reshape(-1, 3, 3))
+            corners.append(place_model(model, placed, kind, rows)[:, model.triangles].reshape(-1, 3, 3))
             colours.append(np.tile(model.colour[model.triangles].mean(axis=1), (len(rows), 1)))
         vertices = np.concatenate(corners).reshape(-1, 3)
         count = len(vertices) // 3

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from facade_core.core.arrays import Float64Array, IntArray
 from facade_core.core.json_types import JsonObject
-from facade_core.core.street_objects import ObjectKind, PlacedObjects
-from facade_core.core.surrounding_mesh import SurroundingMesh
+from facade_core.core.street_objects import NO_OBJECTS, ObjectKind, PlacedObjects, heading_axes
+from facade_core.core.surrounding_mesh import NO_SURROUNDINGS, SurroundingMesh
 from facade_core.export.models.buffers import (
     BYTE,
     ELEMENT_ARRAY_BUFFER,
@@ -24,7 +24,7 @@ from facade_core.export.models.buffers import (
 from facade_core.export.models.glb import encode_glb, quantise_directions
 from facade_core.export.models.textured_mesh import ModelFrame, to_y_up
 from facade_core.export.surroundings.colours import surrounding_colours
-from facade_core.export.surroundings.models import build_object_model
+from facade_core.export.surroundings.models import build_object_model, place_model
 
 INSTANCING = "EXT_mesh_gpu_instancing"
 QUANTISATION = "KHR_mesh_quantization"
@@ -52,8 +52,7 @@ def instance_transforms(
     placed: PlacedObjects, kind: ObjectKind, rows: IntArray, frame: ModelFrame
 ) -> InstanceTransforms:
     """Compute the transforms of objects (n,) of one kind in a model frame, y up."""
-    heading = np.radians(placed.heading[rows])
-    ahead = frame.directions(np.column_stack([np.sin(heading), np.cos(heading), np.zeros(len(rows))]))
+    ahead = frame.directions(heading_axes(placed.heading[rows])[:, 1])
     half = np.arctan2(-ahead[:, 0], -ahead[:, 2]) / 2
     zero = np.zeros(len(rows))
     factors = placed.size[rows] / kind.size
@@ -88,6 +87,34 @@ class SurroundingModel:
         """Return whether there is nothing around."""
         return not (len(self.placed) or len(self.around))
 
+    @property
+    def objects_alone(self) -> SurroundingModel:
+        """Return the model without what lies around the block."""
+        return replace(self, around=NO_SURROUNDINGS)
+
+    @property
+    def neighbours_alone(self) -> SurroundingModel:
+        """Return the model without objects."""
+        return replace(self, placed=NO_OBJECTS)
+
+    @property
+    def parts(self) -> int:
+        """Return how many of both, objects and neighbours, there are."""
+        return bool(len(self.around)) + bool(len(self.placed))
+
+    @property
+    def draw_calls(self) -> int:
+        """Return the number of draw calls, of instances that are drawn together."""
+        return bool(len(self.around)) + len(list(self.placed.rows_by_model()))
+
+    def points(self) -> Float64Array:
+        """Return all points (n, 3) of the model in its frame, y up."""
+        found = [self.around.vertices]
+        for kind, variant, rows in self.placed.rows_by_model():
+            model = build_object_model(kind, variant)
+            found.append(place_model(model, self.placed, kind, rows).reshape(-1, 3))
+        return self.frame.points(np.concatenate(found))
+
     def append(self, document: JsonObject, buffer: GlbBuffer) -> None:
         """Add the surroundings to a document and its buffer."""
         if self.is_empty:
@@ -114,11 +141,10 @@ class SurroundingModel:
             if self.is_instanced:
                 lists["nodes"].append({"name": name, "mesh": number, "extensions": _instancing(transforms, buffer)})
             else:
-                ids = [self.placed.id[row] for row in rows.tolist()]
-                lists["nodes"] += [
-                    {"name": f"{kind.name} {id}", "mesh": number, **{key: part.tolist() for key, part in own.items()}}
-                    for id, own in zip(ids, _rows(transforms), strict=True)
-                ]
+                for row, own in zip(rows.tolist(), _rows(transforms), strict=True):
+                    node = {"name": f"{kind.name} {self.placed.id[row]}", "mesh": number}
+                    node |= {key: part.tolist() for key, part in own.items()}
+                    lists["nodes"].append(node if self.placed.is_stated[row] else node | {"extras": {"stated": False}})
         scene["nodes"] = [*scene.get("nodes", ()), *range(first, len(lists["nodes"]))]
         self._add_extensions(document)
 

@@ -11,9 +11,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from facade_core.core.arrays import Float64Array, Int64Array
+from facade_core.core.arrays import Float64Array, Int32Array, Int64Array
 from facade_core.core.linear_light import srgb_to_linear
-from facade_core.core.street_objects import ObjectKind
+from facade_core.core.street_objects import ObjectKind, PlacedObjects, heading_axes
 
 Colour = tuple[int, int, int]
 _BARK, _STEEL, _DARK, _WOOD, _GLASS, _RUBBER = (
@@ -67,6 +67,13 @@ def build_object_model(kind: ObjectKind, variant: int) -> ObjectModel:
     rows = np.round(np.column_stack([corners, normals, colours * sky_light(normals)[:, None]]), 5)
     unique, index = np.unique(rows, axis=0, return_inverse=True)
     return ObjectModel(unique[:, :3], unique[:, 3:6], unique[:, 6:], index.reshape(-1, 3).astype(np.int64))
+
+
+def place_model(model: ObjectModel, placed: PlacedObjects, kind: ObjectKind, rows: Int32Array) -> Float64Array:
+    """Return the points (n, v, 3) of a model as the objects of some rows (n,) of its kind have them, world metres."""
+    points = model.position * (placed.size[rows] / kind.size)[:, None]
+    placed_points: Float64Array = points @ heading_axes(placed.heading[rows]) + placed.position[rows, None]
+    return placed_points
 
 
 def sky_light(normals: Float64Array) -> Float64Array:
@@ -197,6 +204,21 @@ def _street_lamp(kind: ObjectKind, variant: int) -> list[_Part]:
     ]
 
 
+def _catenary_mast(kind: ObjectKind, variant: int) -> list[_Part]:
+    _, reach, height = kind.size
+    arm = height - 1.2
+    return [
+        _tube((0, 0, 0), (0, 0, height), (0.12, 0.08), 8, _STEEL),
+        _tube((0, 0, arm), (0, reach, arm), (0.04, 0.03), 6, _STEEL),
+        _tube((0, 0, height - 0.2), (0, 0.8 * reach, arm), (0.015, 0.015), 3, _STEEL),
+    ]
+
+
+def _tram_wire(kind: ObjectKind, variant: int) -> list[_Part]:
+    half, thick, height = kind.size[0] / 2, kind.size[1] / 2, kind.size[2]
+    return [_box((-half, -thick, height - 2 * thick), (half, thick, height), _DARK)]
+
+
 def _bench(kind: ObjectKind, variant: int) -> list[_Part]:
     half, depth, height = kind.size[0] / 2, kind.size[1] / 2, kind.size[2]
     parts = []
@@ -310,4 +332,6 @@ _BUILDERS: Mapping[str, Callable[[ObjectKind, int], list[_Part]]] = {
     "parked_car": _parked_car,
     "fence": _fence,
     "hedge": _hedge,
+    "catenary_mast": _catenary_mast,
+    "tram_wire": _tram_wire,
 }

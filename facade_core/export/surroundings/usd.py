@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from facade_core.core.street_objects import PlacedObjects
+from facade_core.core.street_objects import PlacedObjects, heading_axes
 from facade_core.core.surrounding_mesh import SurroundingMesh
 from facade_core.export.models.usd import ZUpFrame, create_stage
 from facade_core.export.surroundings.colours import surrounding_colours
@@ -47,7 +47,8 @@ def write_usd_surroundings(path: Path, placed: PlacedObjects, around: Surroundin
         _define_model(stage, prototype, build_object_model(kind, variant), material)
         instancer.CreatePrototypesRel().AddTarget(prototype)
         number[rows], factors[rows] = index, placed.size[rows] / kind.size
-    half = -np.radians(placed.heading) / 2
+    ahead = heading_axes(placed.heading)[:, 1]
+    half = np.arctan2(-ahead[:, 0], ahead[:, 1]) / 2
     turns = [Gf.Quath(float(np.cos(one)), 0.0, 0.0, float(np.sin(one))) for one in half]
     instancer.CreateProtoIndicesAttr(Vt.IntArray.FromNumpy(number))
     instancer.CreatePositionsAttr(Vt.Vec3fArray.FromNumpy(frame.points(placed.position).astype(np.float32)))

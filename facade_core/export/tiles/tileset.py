@@ -15,6 +15,7 @@ from facade_core.export.models.encoders import MIPMAP_FACTOR, TextureEncoder
 from facade_core.export.models.features import FeatureTable
 from facade_core.export.models.gltf_materials import TimeOfDay, encode_textures, material_texel_ratio
 from facade_core.export.models.textured_mesh import TexturedMesh, turn_tangents
+from facade_core.export.surroundings.gltf import SurroundingModel, encode_surroundings_glb
 from facade_core.export.tiles.cells import QuadtreeCell
 from facade_core.export.tiles.earth import TilesetFrame
 from facade_core.export.tiles.far_shells import BuildingShells
@@ -24,6 +25,8 @@ from facade_core.export.tiles.tile_pages import TilePages, pack_tile_pages
 
 # Screen-space error of viewers, pixels: a tile is replaced once a texel covers a pixel.
 ERROR_PIXELS = 16
+# Tileset of what lies around a block, beside its own.
+SURROUNDINGS = "surroundings.json"
 
 
 class BoundingVolume(TypedDict):
@@ -43,7 +46,7 @@ class Tile(TypedDict, total=False):
 
     boundingVolume: Required[BoundingVolume]
     geometricError: Required[float]
-    content: Required[TileContent]
+    content: TileContent
     refine: str
     children: list[Tile]
     transform: list[float]
@@ -112,6 +115,7 @@ class TiledModel:
     frame : frame of the tileset.
     features : feature table of the block.
     finest : the same charts as the finest tiles show them, such as with relief; None: as in the source.
+    around : objects of the street, and what lies around the block; None without.
     """
 
     source: TexturedMesh
@@ -119,6 +123,7 @@ class TiledModel:
     frame: TilesetFrame
     features: FeatureTable
     finest: TexturedMesh | None = None
+    around: SurroundingModel | None = None
 
 
 @dataclass(frozen=True)
@@ -179,6 +184,12 @@ class _TilesetWriter:
         self.draw_calls += draws
         self.bytes += len(data)
         self.write(uri, data)
+
+    def surroundings_tile(self, uri: str, model: SurroundingModel) -> Tile:
+        """Write a model of surroundings as a tile that has no other detail."""
+        self.write_model(uri, encode_surroundings_glb(model, {}, self.copyright), model.draw_calls)
+        box = bounding_box(z_up_bounds([model.points()]))
+        return {"boundingVolume": {"box": box}, "geometricError": 0.0, "refine": "ADD", "content": {"uri": uri}}
 
     def full_tile(self, cell: QuadtreeCell) -> Tile:
         if self.levels is not None:
@@ -272,7 +283,8 @@ def write_tileset(
 
     The lowest tiles show the source, or the detail levels of a leaf. The tiles above show shells, the ground and the
     buildings without a shell at a lower density. Each tile has one primitive per page. Its geometric error covers its own
-    content only. Every coarse tile but the root starts a tileset of its own.
+    content only. Every coarse tile but the root starts a tileset of its own. Objects of the street are a tile that is
+    added to all others, and neighbours a tileset of their own, as clients look at the extent of a tileset.
 
     Parameters
     ----------
@@ -283,22 +295,33 @@ def write_tileset(
     extras : extras of the asset.
     attribution : attribution of the data.
     """
-    writer = _TilesetWriter(model, settings, attribution.line, write)
-    root = _move_up(writer.coarse_tile(cells))
-    root["transform"] = model.frame.transform().T.reshape(-1).tolist()
-    reach = 2 * float(np.linalg.norm(np.array(root["boundingVolume"]["box"])[[3, 7, 11]]))
-    top: Tileset = {
-        "asset": {"version": "1.1", "extras": {**extras, "attribution": attribution.to_json()}},
-        "geometricError": max(reach, 2 * root["geometricError"]),
-        "root": root,
-    }
+    writer, around = _TilesetWriter(model, settings, attribution.line, write), model.around
+    tiles, facts = [_move_up(writer.coarse_tile(cells))], {**extras, "attribution": attribution.to_json()}
+    if around is not None and len(around.around):
+        tile = writer.surroundings_tile("surroundings.glb", around.neighbours_alone)
+        writer.tilesets[SURROUNDINGS] = _build_tileset([tile], model.frame, facts)
+        facts = {**facts, "surroundings": SURROUNDINGS}
+    if around is not None and len(around.placed):
+        tiles.append(writer.surroundings_tile("tiles/objects.glb", around.objects_alone))
     return TilesetSummary(
-        {"tileset.json": top, **writer.tilesets},
+        {"tileset.json": _build_tileset(tiles, model.frame, facts), **writer.tilesets},
         writer.page_texels,
         writer.used_texels,
         writer.draw_calls,
         writer.bytes,
     )
+
+
+def _build_tileset(tiles: Sequence[Tile], frame: TilesetFrame, extras: Mapping[str, object]) -> Tileset:
+    """Return the document of tiles that are shown together, or of one tile as its root."""
+    box = bounding_box(np.concatenate([box_corners(tile) for tile in tiles]))
+    reach = 2 * float(np.linalg.norm(np.array(box)[[3, 7, 11]]))
+    error = max(reach, *(2 * tile["geometricError"] for tile in tiles))
+    # a root without content has the error of its tileset, so that both are shown from the same distance
+    joined: Tile = {"boundingVolume": {"box": box}, "geometricError": error, "refine": "ADD", "children": [*tiles]}
+    root: Tile = joined if len(tiles) > 1 else {**tiles[0]}
+    root["transform"] = frame.transform().T.reshape(-1).tolist()
+    return {"asset": {"version": "1.1", "extras": extras}, "geometricError": error, "root": root}
 
 
 def count_tiles(cell: QuadtreeCell, levels: int = 1, above: float = 0.0) -> int:

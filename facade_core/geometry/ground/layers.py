@@ -51,6 +51,19 @@ def join_carriageways(roads: Sequence[GroundWay]) -> tuple[shapely.Geometry, sha
     )
 
 
+def join_driven_lanes(roads: Sequence[GroundWay]) -> shapely.Geometry:
+    """Return the union of carriageways without the strips where cars park along them."""
+    lanes = [
+        lane
+        for way in roads
+        for side, parked in zip((1.0, -1.0), way.parking, strict=True)
+        for lane in shapely.buffer(
+            _open_lines(way.line), side * (way.width / 2 - parked), single_sided=True, join_style="mitre"
+        )
+    ]
+    return shapely.union_all(lanes)
+
+
 def _is_junction(way: GroundWay, other: GroundWay, place: shapely.Point) -> bool:
     """Return whether two roads that meet at a place form an angle."""
     one, two = (_direction_at(line, place) for line in (way.line, other.line))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from enum import IntEnum
 from hashlib import blake2b
 
@@ -45,9 +46,7 @@ def ground_marks(ways: Sequence[GroundWay], carriageway: shapely.Geometry, junct
     """
     roads = [way for way in ways if way.kind == "road"]
     crossings = [way for way in ways if way.kind == "crossing"]
-    clear = [junctions.buffer(MARKS.junction_clearance_m)] if not junctions.is_empty else []
-    clear += [way.line.buffer(2.5 * MARKS.bar_half_size_m[1], cap_style="flat") for way in crossings]
-    kept_clear = shapely.union_all(clear) if clear else shapely.Point()
+    kept_clear = clear_of_marks(ways, junctions)
     # crossings that are mapped twice are drawn once
     kept: list[LineString] = []
     rows: list[_MarkRow] = []
@@ -72,6 +71,14 @@ def ground_marks(ways: Sequence[GroundWay], carriageway: shapely.Geometry, junct
             rows += _step_edges(way)
     table = np.array(rows, np.float64).reshape(-1, 7)
     return table[np.argsort(table[:, 5], kind="stable")]
+
+
+def clear_of_marks(ways: Sequence[GroundWay], junctions: shapely.Geometry) -> shapely.Geometry:
+    """Return the ground at junctions and crossings, which has neither marks of lanes nor parking places."""
+    clear = [junctions.buffer(MARKS.junction_clearance_m)] if not junctions.is_empty else []
+    reach = 2.5 * MARKS.bar_half_size_m[1]
+    clear += [way.line.buffer(reach, cap_style="flat") for way in ways if way.kind == "crossing"]
+    return shapely.union_all(clear) if clear else shapely.Point()
 
 
 def _straight_pieces(line: shapely.Geometry) -> Iterator[tuple[float, float, float, float]]:
@@ -122,9 +129,33 @@ def _lane_lines(way: GroundWay, clear: shapely.Geometry) -> list[_MarkRow]:
     return rows
 
 
-def _parking_lines(way: GroundWay, clear: shapely.Geometry) -> list[_MarkRow]:
-    """Return the lines between parking places along the kerb."""
-    rows: list[_MarkRow] = []
+@dataclass(frozen=True, slots=True)
+class ParkingPlace:
+    """Place along a kerb.
+
+    Attributes
+    ----------
+    corner : (2,) its first corner on the side of the lane, metres.
+    along, outward : (2,) unit vectors from there along the road and to the kerb.
+    depth : metres to the kerb.
+    is_whole : the road goes straight on to the next place.
+    """
+
+    corner: Float64Array
+    along: Float64Array
+    outward: Float64Array
+    depth: float
+    is_whole: bool
+
+    @property
+    def middle(self) -> Float64Array:
+        """Return the middle (2,)."""
+        middle: Float64Array = self.corner + (self.along * MARKS.parking_place_m + self.outward * self.depth) / 2
+        return middle
+
+
+def parking_places(way: GroundWay, clear: shapely.Geometry) -> Iterator[ParkingPlace]:
+    """Yield the parking places of a road outside of `clear`."""
     for side, wide in zip((1.0, -1.0), way.parking, strict=True):
         if wide <= 0:
             continue
@@ -136,9 +167,16 @@ def _parking_lines(way: GroundWay, clear: shapely.Geometry) -> list[_MarkRow]:
             middle = shapely.Point(x + outward[0], y + outward[1])
             if way.line.distance(middle) < abs(edge):
                 outward = -outward
-            end = np.array([x, y]) + outward * (wide - 0.4)
-            rows.append((x, y, float(end[0]), float(end[1]), 0.05, GroundMarkKind.PAINT, 0))
-    return rows
+            corner, along = np.array([x, y]), np.array([east, north])
+            is_whole = bool(line.distance(shapely.Point(corner + along * MARKS.parking_place_m)) < 0.1)
+            yield ParkingPlace(corner, along, outward, wide, is_whole)
+
+
+def _parking_lines(way: GroundWay, clear: shapely.Geometry) -> Iterator[_MarkRow]:
+    """Yield the lines between parking places."""
+    for place in parking_places(way, clear):
+        (x0, y0), (x1, y1) = place.corner, place.corner + place.outward * (place.depth - 0.4)
+        yield float(x0), float(y0), float(x1), float(y1), 0.05, GroundMarkKind.PAINT, 0
 
 
 def _edge_lines(way: GroundWay, clear: shapely.Geometry) -> list[_MarkRow]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
 
 import numpy as np
 import shapely
@@ -17,12 +18,14 @@ from facade_core.core.street_objects import (
     Facing,
     ObjectKind,
     PlacedObjects,
+    heading_axes,
     object_kind,
 )
 from facade_core.core.types import GroundObject, GroundWay, MappedGround
 from facade_core.geometry.charts import ChartKind, Charts, Mesh
-from facade_core.geometry.ground.layers import join_carriageways
-from facade_core.geometry.ground.settings import OBJECTS
+from facade_core.geometry.ground.kerb_objects import resolve_kerb_objects
+from facade_core.geometry.ground.layers import join_carriageways, join_driven_lanes
+from facade_core.geometry.ground.settings import KERBS, OBJECTS
 
 # Numbers in [0, 1) by the id of an object: its variant, size and heading.
 _RANDOM_NUMBERS = 3
@@ -38,16 +41,14 @@ class _Candidate:
     y: float
     heading: float
     size: tuple[float, float, float]
+    is_stated: bool = True
 
     def standing_area(self) -> Polygon:
         """Return the ground under it: its foot, or the rectangle of a low object."""
         if self.kind.is_overhanging:
             return Point(self.x, self.y).buffer(self.kind.foot_m, quad_segs=4)
-        turn = np.radians(self.heading)
-        along, ahead = np.array([np.cos(turn), -np.sin(turn)]), np.array([np.sin(turn), np.cos(turn)])
-        x, y = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]).T * 0.5
-        corners = np.outer(x * self.size[0], along) + np.outer(y * self.size[1], ahead) + (self.x, self.y)
-        return Polygon(corners)
+        corners = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]]) * self.size[:2]
+        return Polygon(corners @ heading_axes(np.array([self.heading]))[0, :2, :2] + (self.x, self.y))
 
 
 def place_objects(
@@ -57,14 +58,15 @@ def place_objects(
     mesh: Mesh,
     is_shown: BoolArray,
 ) -> PlacedObjects:
-    """Place the mapped objects of a block that there is room for.
+    """Place the objects of a block that there is room for.
 
-    Objects in a wall or on a carriageway are moved to its edge, or left out where that is too far. Crowns of trees are
-    narrowed to the gap between walls.
+    Objects in a wall or on a carriageway are moved to its edge, or left out where that is too far. Those that no map
+    states stand clear of the others, and of walls as far as doors need it. Crowns of trees are narrowed to the gap
+    between walls.
 
     Parameters
     ----------
-    ground : mapped ground, fitted between the buildings.
+    ground : ground, fitted between the buildings.
     footprints : outlines of the buildings.
     charts, mesh : surfaces of the block.
     is_shown : (charts,) True where ground carries objects.
@@ -75,11 +77,17 @@ def place_objects(
     free = _FreeGround(ground.ways, footprints)
     lines = np.array([way.line for way in ground.ways if way.kind != "crossing"], object)
     ways = shapely.STRtree(lines)
-    found, heights = [], []
-    for candidate in (one for stated in ground.objects for one in _candidates(stated, ways)):
-        fitted = free.fit(candidate)
-        height = None if fitted is None else surface.height_below(fitted.x, fitted.y)
-        if fitted is not None and height is not None:
+    found: list[_Candidate] = []
+    heights: list[float] = []
+    taken = shapely.STRtree([])
+    for is_stated, some in groupby(resolve_kerb_objects(ground), lambda one: one.is_stated):
+        if not is_stated:
+            taken = shapely.STRtree([one.standing_area() for one in found if not one.kind.is_overhead])
+        for candidate in (one for stated in some for one in _candidates(stated, ways)):
+            fitted = free.fit(candidate)
+            height = None if fitted is None else surface.height_below(fitted.x, fitted.y)
+            if fitted is None or height is None or len(taken.query(fitted.standing_area(), predicate="intersects")):
+                continue
             found.append(fitted)
             heights.append(height)
     if not found:
@@ -91,6 +99,7 @@ def place_objects(
         np.array([(one.x, one.y, z) for one, z in zip(found, heights, strict=True)]),
         np.array([one.heading for one in found]),
         np.array([one.size for one in found]),
+        np.array([one.is_stated for one in found]),
     )
 
 
@@ -123,12 +132,17 @@ class _FreeGround:
         self._parts = np.array([*footprints, *shapely.get_parts(carriageway), *tracks], object)
         self._tree = shapely.STRtree(self._parts)
         self._walls = shapely.STRtree(list(footprints))
+        lanes = join_driven_lanes([way for way in ways if way.kind == "road"])
+        self._lanes = shapely.STRtree([*footprints, *shapely.get_parts(lanes), *tracks])
 
     def fit(self, candidate: _Candidate) -> _Candidate | None:
         """Return an object where there is room for it, and as wide as there is; None without."""
-        if not candidate.kind.is_joined:
+        if candidate.is_stated and not candidate.kind.is_joined:
             candidate = self._move_clear(candidate)
-        if len(self._tree.query(candidate.standing_area(), predicate="intersects")):
+        area = candidate.standing_area()
+        if len(self._obstacles(candidate).query(area, predicate="intersects")):
+            return None
+        if not candidate.is_stated and len(self._walls.query(area, "dwithin", KERBS.door_clearance_m)):
             return None
         if candidate.kind.facing is not Facing.ANYWHERE:
             return candidate
@@ -140,6 +154,13 @@ class _FreeGround:
         if crown < OBJECTS.min_crown_m:
             return None
         return replace(candidate, size=(crown, crown * depth / width, height))
+
+    def _obstacles(self, candidate: _Candidate) -> shapely.STRtree:
+        """Return what an object stands clear of: walls, and what is driven on there."""
+        if candidate.kind.is_overhead:
+            return self._walls
+        is_parked = candidate.kind.name == "parked_car" and not candidate.is_stated
+        return self._lanes if is_parked else self._tree
 
     def _move_clear(self, candidate: _Candidate) -> _Candidate:
         """Return an object moved out of the obstacle that it stands in, or too near to."""
@@ -191,7 +212,7 @@ def _candidates(stated: GroundObject, ways: shapely.STRtree) -> Iterator[_Candid
         heading = 360 * random_numbers(stated.id)[2]
         if kind.facing is Facing.WAY and len(ways.geometries):
             heading = _heading_to_way(place, ways)
-    yield _Candidate(stated.id, kind, place.x, place.y, heading, _object_size(stated, kind))
+    yield _Candidate(stated.id, kind, place.x, place.y, heading, _object_size(stated, kind), stated.is_stated)
 
 
 def _objects_along(stated: GroundObject, kind: ObjectKind, line: LineString) -> Iterator[_Candidate]:

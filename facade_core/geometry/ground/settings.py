@@ -219,3 +219,23 @@ class ObjectSettings:
 
 
 OBJECTS = ObjectSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class KerbObjectSettings:
+    """Plausible objects along kerbs.
+
+    Attributes
+    ----------
+    lamp_offset_m, lamp_spacing_m : metres of lamps from the kerb, and from one to the next.
+    parked_share : share of the parking places that are taken.
+    door_clearance_m : metres to walls, as any may have a door.
+    """
+
+    lamp_offset_m: float = 0.6
+    lamp_spacing_m: float = 30.0
+    parked_share: float = 0.7
+    door_clearance_m: float = 1.4
+
+
+KERBS = KerbObjectSettings()

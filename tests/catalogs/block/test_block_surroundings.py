@@ -79,5 +79,13 @@ def test_a_fenced_pitch_is_a_pitch_with_a_fence(tmp_path: Path) -> None:
 
 def test_props_off_leaves_objects_out() -> None:
     ground = MappedGround(objects=tuple(build_ground_objects("n", Point(5, 5), {"natural": "tree"}, AROUND)))
-    assert select_objects(ground, "stated") is ground
+    assert select_objects(ground, "stated") == ground
     assert select_objects(ground, "off").objects == ()
+
+
+def test_lit_roads_and_parked_cars_are_plausible() -> None:
+    tags = {"highway": "residential", "lit": "yes", "parking:lane:left": "parallel"}
+    features = (GroundFeature("w", LineString([(1, 50), (90, 50)]), tags),)
+    ground = build_block_ground([CentrelinesAndGround(None, (), ground=features)], CRS("EPSG:32635"), AROUND, None)
+    assert [one.kind for one in select_objects(ground, "plausible").objects] == ["street_lamp", "parked_car"]
+    assert select_objects(ground, "stated").objects == ()

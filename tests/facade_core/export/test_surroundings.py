@@ -30,6 +30,7 @@ def every_object() -> PlacedObjects:
         np.column_stack([100.0 + 10 * np.arange(count), np.full(count, 210.0), np.full(count, 6.0)]),
         np.linspace(0, 330, count),
         np.array([kind.size for kind, _ in MODELS]) * 1.5,
+        np.arange(count) > 0,
     )
 
 
@@ -38,11 +39,11 @@ def test_a_model_has_its_size_and_faces_outward(kind, variant) -> None:  # type:
     model = build_object_model(kind, variant)
     corners = model.position[model.triangles]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    assert 30 <= len(model.triangles) <= 600
+    assert 12 <= len(model.triangles) <= 600
     assert (np.einsum("ij,ikj->ik", normal, model.normal[model.triangles]).sum(axis=1) > 0).all()
     assert np.einsum("ij,ij->i", corners[:, 0], normal).sum() > 0  # the volume: faces look outward
     low, high = model.position.min(axis=0), model.position.max(axis=0)
-    assert abs(low[2]) < 0.05
+    assert abs(low[2]) < 0.05 or kind.is_overhead
     assert high[2] == pytest.approx(kind.size[2], rel=0.08)
     # no wider than its size says: what is kept from walls is all of it
     assert ((high - low)[:2] <= np.array(kind.size[:2]) * 1.09 + 0.1).all()
@@ -64,6 +65,17 @@ def test_instances_and_nodes_have_the_same_transforms() -> None:
     assert first["translation"] == [0.0, 1.0, -10.0]
     assert first["rotation"] == [0.0, 0.0, 0.0, 1.0]  # heading 0 faces north
     assert first["scale"] == [1.5, 1.5, 1.5]
+    assert [node.get("extras") for node in nodes["nodes"]] == [{"stated": False}] + [None] * (len(MODELS) - 1)
+
+
+def test_points_of_a_model_are_those_of_its_instances() -> None:
+    placed = every_object()
+    model = SurroundingModel(placed, NO_SURROUNDINGS, FRAME)
+    points = model.points()
+    assert len(points) == sum(len(build_object_model(*one).position) for one in MODELS)
+    kind, variant = MODELS[0]
+    own = build_object_model(kind, variant).position * 1.5 + placed.position[0] - FRAME.origin
+    assert points[: len(own)] == pytest.approx(np.column_stack([own[:, 0], own[:, 2], -own[:, 1]]))
 
 
 def test_objects_are_merged_at_their_places(tmp_path: Path) -> None:

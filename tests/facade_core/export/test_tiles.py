@@ -16,6 +16,8 @@ from PIL import Image
 from pyproj import Transformer
 
 from facade_core.core.errors import InputError
+from facade_core.core.street_objects import OBJECT_KIND_NAMES, PlacedObjects
+from facade_core.core.surrounding_mesh import SurroundingMaterial, SurroundingMesh
 from facade_core.core.types import Element
 from facade_core.export.attribution import Attribution, DataSource
 from facade_core.export.bodies.textured_relief import add_relief
@@ -25,6 +27,7 @@ from facade_core.export.models.features import FeatureTable, MetadataProperty
 from facade_core.export.models.glb import extract_images, read_glb_header
 from facade_core.export.models.gltf_materials import TimeOfDay
 from facade_core.export.models.textured_mesh import TexturedMesh, mesh_y_up_frame
+from facade_core.export.surroundings.gltf import SurroundingModel
 from facade_core.export.tiles.cells import build_quadtree
 from facade_core.export.tiles.earth import ProjectedFrame, earth_tangent_frame
 from facade_core.export.tiles.far_shells import build_shells
@@ -111,13 +114,21 @@ def written(
     time: TimeOfDay = "day",
     settings: CellSettings = TILE_CELLS,
     finest: TexturedMesh | None = None,
+    around: tuple[PlacedObjects, SurroundingMesh] | None = None,
 ) -> tuple[TilesetSummary, dict[str, bytes], int]:
     files: dict[str, bytes] = {}
     cells = build_quadtree(source, settings)
     shells = build_shells(source, 10 * settings.coarse_scale)
     frame = earth_tangent_frame(CRS, mesh_y_up_frame(source.mesh).origin)
     made = write_tileset(
-        TiledModel(source, shells, frame, features(source), finest),
+        TiledModel(
+            source,
+            shells,
+            frame,
+            features(source),
+            finest,
+            around and SurroundingModel(*around, frame, is_instanced=True),
+        ),
         cells,
         TileSettings(texture_encoder(textures), scale, time),
         files.__setitem__,
@@ -181,6 +192,40 @@ def test_only_the_finest_tiles_have_relief_and_coarse_ones_state_its_depth(colou
             assert more == (len(deep.mesh.triangles) - len(coloured.mesh.triangles) if "full" in uri else 0)
         root = made.tilesets["tileset.json"]["root"]
         assert root["geometricError"] >= deep.max_offset_m
+
+
+def test_objects_are_added_to_all_tiles_and_neighbours_are_a_tileset_of_their_own(coloured: TexturedMesh) -> None:
+    low, high = coloured.mesh.vertices.min(axis=0), coloured.mesh.vertices.max(axis=0)
+    lamp = PlacedObjects(
+        ("n1",),
+        np.array([OBJECT_KIND_NAMES.index("street_lamp")], np.int32),
+        np.zeros(1, np.int32),
+        np.array([(low + high) / 2]),
+        np.zeros(1),
+        np.array([[0.5, 1.6, 6.0]]),
+        np.ones(1, bool),
+    )
+    far = low + np.array([[0.0, 0.0, 0.0], [900.0, 0.0, 0.0], [0.0, 900.0, 0.0]])
+    wall = np.full(3, SurroundingMaterial.WALL, np.uint8)
+    up, grey = np.tile([0.0, 0.0, 1.0], (3, 1)), np.zeros((3, 3), np.uint8)
+    around = SurroundingMesh(far, up, wall, grey, np.zeros(3, np.int64), np.array([[0, 1, 2]], np.int32))
+    plain, bare, _ = written(coloured)
+    made, files, _ = written(coloured, around=(lamp, around))
+    assert files.keys() - bare.keys() == {"tiles/objects.glb", "surroundings.glb"}
+    alone, whole = plain.tilesets["tileset.json"], made.tilesets["tileset.json"]
+    assert whole["asset"]["extras"]["surroundings"] == "surroundings.json"
+    root = whole["root"]
+    first, objects = root["children"]
+    assert {**first, "transform": root["transform"]} == alone["root"]
+    assert objects["content"]["uri"] == "tiles/objects.glb"
+    assert (root["refine"], "content" in root) == ("ADD", False)
+    assert whole["geometricError"] == root["geometricError"] == pytest.approx(alone["geometricError"])
+    assert root["boundingVolume"]["box"] == pytest.approx(alone["root"]["boundingVolume"]["box"]), "no wider"
+    other = made.tilesets["surroundings.json"]
+    assert other["root"]["transform"] == root["transform"]
+    assert other["root"]["content"]["uri"] == "surroundings.glb"
+    assert other["root"]["boundingVolume"]["box"][3] == pytest.approx(450.0, rel=0.05)
+    assert made.draw_calls == plain.draw_calls + 2
 
 
 @pytest.mark.parametrize("texels", [TILE_CELLS.max_coarse_tile_texels, 60_000, 3_000])

@@ -26,11 +26,11 @@ SLOPE = Terrain(-60.0, -60.0, 120.0, np.array([[0.0, 12.0], [0.0, 12.0]]))
 TRAM = GroundWay("t", LineString([(-50, -10), (50, -10)]), "tram", 1.435, "asphalt")
 
 
-def place(*objects: GroundObject) -> PlacedObjects:
+def place(*objects: GroundObject, ways: tuple[GroundWay, ...] = (ROAD, TRAM)) -> PlacedObjects:
     pieces = ChartBuilder()
     add_ground_charts(pieces, [shapely.box(-50, -30, 50, 30).difference(HOUSE)], SLOPE, 32.0)
     charts, mesh = pieces.build()
-    return place_objects(MappedGround((ROAD, TRAM), objects=objects), [HOUSE], charts, mesh, np.ones(len(charts), bool))
+    return place_objects(MappedGround(ways, objects=objects), [HOUSE], charts, mesh, np.ones(len(charts), bool))
 
 
 def test_nothing_stands_in_a_wall_or_on_a_carriageway() -> None:
@@ -82,7 +82,38 @@ def test_placement_is_by_id_and_not_by_order() -> None:
     assert np.array_equal(one.variant, other.variant[order])
 
 
+def test_wires_hang_over_the_track_and_end_at_walls() -> None:
+    line = LineString([(-40, -10), (40, -10)])
+    wire = place(GroundObject("w", line, "tram_wire"))
+    assert wire.size[:, 0].sum() == pytest.approx(line.length)
+    across = place(GroundObject("w", LineString([(0, -10), (0, 10)]), "tram_wire"))
+    assert not shapely.intersects(standing_areas(across), HOUSE).any()
+    assert len(across) == 3
+
+
+def test_plausible_cars_park_along_the_kerb_and_lamps_stand_behind_it() -> None:
+    road = replace(ROAD, width=9.0, pavement=(3.0, 3.0), parking=(2.1, 0.0))
+    stated = GroundObject("n", Point(-30, 7), "street_lamp")
+    likely = [GroundObject("r", road.line, kind, is_stated=False) for kind in ("street_lamp", "parked_car")]
+    crossing = GroundWay("c", LineString([(10, -6), (10, 6)]), "crossing", 3.0, "asphalt")
+    placed = place(stated, *likely, ways=(road, TRAM, crossing))
+    assert placed.counts() == {"street_lamp": 1}
+    assert set(placed.plausible_counts()) == {"street_lamp", "parked_car"}
+    areas = np.array(standing_areas(placed), object)
+    is_car = placed.kind == [kind.name for kind in OBJECT_KINDS].index("parked_car")
+    strip = shapely.box(-50, 2.4, 50, 4.5)
+    assert shapely.within(areas[is_car], strip).all()
+    assert not shapely.intersects(areas[is_car], crossing.line).any()
+    assert not shapely.intersects(areas, HOUSE.buffer(1.3)).any()
+    assert placed.heading[is_car] == pytest.approx(270.0), "on the left of the road its own side drives west"
+    lamps = placed.position[~is_car, :2]
+    assert min(np.hypot(*(a - b)) for i, a in enumerate(lamps) for b in lamps[:i]) > 25
+    assert not shapely.intersects(areas[~is_car], road.line.buffer(4.5)).any()
+
+
 def test_tags_name_kinds() -> None:
     assert stated_object_kind({"natural": "tree", "leaf_type": "needleleaved"}) is object_kind("conifer")
     assert stated_object_kind({"natural": "tree_row"}) is object_kind("tree")
     assert stated_object_kind({"natural": "wood"}) is None
+    assert stated_object_kind({"railway": "tram"}) is None
+    assert stated_object_kind({"railway": "tram", "electrified": "contact_line"}) is object_kind("tram_wire")

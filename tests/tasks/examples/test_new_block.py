@@ -66,6 +66,31 @@ def test_a_new_block_says_what_was_found_and_can_be_read(osm: MapFiles, exemplar
     assert sorted(path.name for path in tmp_path.iterdir()) == ["facades", "mine.yaml", "photos"], "no draft is left"
 
 
+def test_the_finest_raster_of_the_ground_beside_the_map_is_named(
+    osm: MapFiles, exemplars: Path, tmp_path: Path
+) -> None:
+    import numpy as np
+    import rasterio
+
+    def write(name: str, heights: np.ndarray, west: float = 385000.0) -> None:
+        corner = rasterio.transform.from_origin(west, 6673000.0, 2.0, 2.0)
+        form = {"driver": "GTiff", "width": 1000, "height": 1000, "count": len(heights), "dtype": heights.dtype}
+        with rasterio.open(tmp_path / name, "w", **form, crs="EPSG:3067", transform=corner) as file:
+            file.write(heights)
+
+    ground = np.full((1, 1000, 1000), 7.0, np.float32)
+    write("dtm.tif", ground)
+    write("elsewhere.tif", ground, west=200000.0)
+    write("a_picture.tif", np.zeros((3, 1000, 1000), np.uint8))
+    (tmp_path / "notes.tif").write_text("no raster")
+    found = write_new_block(tmp_path / "mine.yaml", osm, BOX, None, exemplars)
+    assert found.terrain == tmp_path / "dtm.tif"
+    assert any(line.startswith("terrain") and "dtm.tif" in line for line in found.lines())
+    block = read_block(tmp_path / "mine.yaml")
+    assert block.terrain is not None
+    assert block.describe_heights().startswith("ground of dtm.tif; buildings: 4 from default; as given")
+
+
 def test_photos_named_after_a_facade_are_used(osm: MapFiles, exemplars: Path, tmp_path: Path) -> None:
     facade = write_new_block(tmp_path / "first.yaml", osm, BOX, None, exemplars).facades[0]
     photos = tmp_path / "photos"
