@@ -23,6 +23,7 @@ from facade_core.geometry.scene import Scene
 from facade_core.geometry.settings import DAYLIGHT
 from facade_core.street.lighting.settings import AMBIENT, SUNLIGHT
 from facade_core.street.lighting.sun import SUN_LIGHT, sky_light, sun_direction
+from facade_core.street.materials.settings import MATERIAL_FIELD
 
 # Nothing farther than this from a chart changes its skylight or the skylight that it gets by reflection.
 AMBIENT_REACH_M = 2 * AMBIENT.occluder_range_m
@@ -113,7 +114,7 @@ def _second_light(
 
 def _far_light(ahead: Float32Array, sky: Float64Array) -> Float64Array:
     """Return the light (..., 3) of what is far away in directions (..., 3): sky, or ground in the open."""
-    return np.where(ahead[..., 2:] >= 0, sky, AMBIENT.ground_albedo * sky)
+    return np.where(ahead[..., 2:] >= 0, sky, MATERIAL_FIELD.ground_albedo * sky)
 
 
 @njit(cache=True, inline="always")

@@ -12,8 +12,9 @@ from facade_core.core.types import Sun
 from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.ambient import ambient_light
 from facade_core.street.lighting.contact_shadow import contact_light
-from facade_core.street.lighting.settings import EXPOSURE
+from facade_core.street.lighting.settings import SUNLIGHT
 from facade_core.street.lighting.sun import SUN_LIGHT, sunlight_share
+from facade_core.street.materials.settings import MATERIAL_FIELD
 
 # Charts whose light is kept: a chart and those beside it that it is levelled to.
 MAX_CACHED_CHARTS = 8
@@ -84,14 +85,14 @@ class SceneLight:
             light = interpolate_axis(light, axis, texels)
         if share.size:
             light = light + share[..., None] * _exposed(SUN_LIGHT, self.sun).astype(np.float32)
-        found = np.sqrt(light) * np.float32(EXPOSURE.typical_grey)
+        found = np.sqrt(light) * np.float32(MATERIAL_FIELD.typical_grey)
         remaining = contact_light(self._scene, chart)
         return found if remaining is None else found * remaining[..., None]
 
 
 def _exposed(light: FloatArray, sun: Sun | None) -> Float64Array:
     """Return light relative to what leaves colours as they are."""
-    return light.astype(np.float64) * ((EXPOSURE.sunny_exposure if sun else 1.0) / EXPOSURE.typical_light)
+    return light.astype(np.float64) * ((SUNLIGHT.exposure if sun else 1.0) / MATERIAL_FIELD.typical_light)
 
 
 def interpolate_axis(grid: Float32Array, axis: int, texels: int) -> Float32Array:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 
 @dataclass(frozen=True, slots=True)
 class AmbientSettings:
@@ -18,7 +16,6 @@ class AmbientSettings:
     rays_per_place : paths that start at a place.
     occluder_range_m : beyond this distance rays see haze: as bright as the sky above the horizon, as the ground below
         it.
-    ground_albedo, surface_albedo : share of light that ground reflects, and other surfaces without a stated colour.
     last_light : light of surfaces at the second reflection, as a share of the open sky's.
     noise : standard deviation of the light that a single ray brings.
     denoising_rounds : rounds of the filter; each reaches one place farther.
@@ -28,8 +25,6 @@ class AmbientSettings:
     ambient_cell_m: float = 0.5
     rays_per_place: int = 32
     occluder_range_m: float = 40.0
-    ground_albedo: float = 0.2
-    surface_albedo: float = 0.4
     last_light: float = 0.4
     noise: float = 0.5
     denoising_rounds: int = 2
@@ -37,28 +32,6 @@ class AmbientSettings:
 
 
 AMBIENT = AmbientSettings()
-
-
-@dataclass(frozen=True, slots=True)
-class ExposureSettings:
-    """Exposure of generated colours to their light.
-
-    Attributes
-    ----------
-    typical_light : linear light of most walls of a street under an overcast sky; it leaves colours as they are.
-    sunny_exposure : exposure with a sun, relative to that under an overcast sky.
-    """
-
-    typical_light: float = 0.5
-    sunny_exposure: float = 0.5
-
-    @property
-    def typical_grey(self) -> float:
-        """Brightness of white in the typical light."""
-        return float(np.sqrt(self.typical_light))
-
-
-EXPOSURE = ExposureSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +89,7 @@ class SunSettings:
 
     Attributes
     ----------
+    exposure : exposure with a sun, relative to that under an overcast sky.
     disk_radius_deg, disk_rays : six times the sun's own radius, as through thin haze.
     sun_cell_m : spacing of the ray origins; light is linear between them.
     ray_lift_m : distance of ray origins from the surface.
@@ -123,6 +97,7 @@ class SunSettings:
     ray_batch : rays per cast.
     """
 
+    exposure: float = 0.5
     disk_radius_deg: float = 1.6
     disk_rays: int = 9
     sun_cell_m: float = 0.25

@@ -9,7 +9,8 @@ from facade_core.core.fixed_order import multiply_matrices
 from facade_core.core.types import Sun
 from facade_core.geometry.charts import Charts
 from facade_core.geometry.scene import Scene
-from facade_core.street.lighting.settings import EXPOSURE, SUNLIGHT
+from facade_core.street.lighting.settings import SUNLIGHT
+from facade_core.street.materials.settings import MATERIAL_FIELD
 
 # Linear light of a clear sky on level ground in the open, red, green and blue; shadows are cooler.
 CLEAR_SKY_LIGHT = np.array([0.92, 0.98, 1.08])
@@ -92,5 +93,5 @@ def sun_in_chart_frame(charts: Charts, chart: int, sun: Sun) -> tuple[Float64Arr
     """
     frame = np.stack([charts.axis_u[chart], charts.axis_v[chart], charts.normals()[chart]])
     towards = multiply_matrices(frame, sun_direction(sun))
-    sky = EXPOSURE.typical_light * CLEAR_SKY_LIGHT
+    sky = MATERIAL_FIELD.typical_light * CLEAR_SKY_LIGHT
     return towards, float(np.sqrt(sky / (sky + SUN_LIGHT * max(towards[2], 0.0))).mean())

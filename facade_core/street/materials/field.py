@@ -15,7 +15,6 @@ from facade_core.geometry.ground.carriageways import assume_street_ways
 from facade_core.geometry.ground.layer_raster import rasterise_ground_layers
 from facade_core.geometry.ground.shapes import GroundTiles
 from facade_core.geometry.scene import Scene
-from facade_core.street.lighting.settings import AMBIENT, EXPOSURE
 from facade_core.street.materials import field_kernels as kernels
 from facade_core.street.materials.field_kernels import (
     NO_OVERRIDE,
@@ -175,7 +174,7 @@ class MaterialField:
         """Return a copy whose colours hold no light: as in typical light."""
         changed = copy(self)
         surfaces = self.arrays.charts
-        grey = np.full_like(surfaces.grey, EXPOSURE.typical_grey)
+        grey = np.full_like(surfaces.grey, MATERIAL_FIELD.typical_grey)
         tint = surfaces.tint * (grey / surfaces.grey)[:, None]
         changed.arrays = self.arrays._replace(charts=surfaces._replace(grey=grey, tint=tint))
         changed.is_lit = False
@@ -186,8 +185,8 @@ class MaterialField:
         """Return the shares of light that the charts reflect, (charts, 3)."""
         surfaces = self.arrays.charts
         colour = np.clip(surfaces.tint / surfaces.grey[:, None] / 255, 0, 1) ** 2
-        colour[colour.max(axis=1) < 0.01] = AMBIENT.surface_albedo  # no colour of its own
-        colour[surfaces.material == SurfaceMaterial.GROUND] = AMBIENT.ground_albedo
+        colour[colour.max(axis=1) < 0.01] = MATERIAL_FIELD.surface_albedo  # no colour of its own
+        colour[surfaces.material == SurfaceMaterial.GROUND] = MATERIAL_FIELD.ground_albedo
         return colour
 
     def with_pictured_ground(self, shown: Mapping[int, tuple[UInt8Array, BoolArray]]) -> MaterialField:

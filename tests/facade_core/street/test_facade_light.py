@@ -21,7 +21,7 @@ from facade_core.street.lighting.ambient import ambient_light
 from facade_core.street.lighting.light import NO_TONES, SceneLight, apply_light
 from facade_core.street.lighting.settings import AMBIENT
 from facade_core.street.materials.field import MaterialField
-from facade_core.street.materials.settings import STAINS
+from facade_core.street.materials.settings import MATERIAL_FIELD, STAINS
 from facade_core.street.materials.stains import stain_strengths, stain_tones, stain_weights, wall_brightness_deviations
 from facade_core.street.surfaces import ChartLight, KnownTexture, finish_chart
 
@@ -80,7 +80,7 @@ def test_light_is_that_of_many_rays(scene: Scene) -> None:
         along = np.stack([radius * np.cos(turn), radius * np.sin(turn), np.sqrt(1 - radius**2)], axis=1)
         rays = along @ np.stack([charts.axis_u[chart], charts.axis_v[chart], charts.normals()[chart]])
         far = scene.caster.cast(place, rays)[0] > AMBIENT.occluder_range_m
-        truth = np.where(far, np.where(rays[:, 2] >= 0, 1.0, AMBIENT.ground_albedo), 0.0).mean()
+        truth = np.where(far, np.where(rays[:, 2] >= 0, 1.0, MATERIAL_FIELD.ground_albedo), 0.0).mean()
         assert grid[row, column] == pytest.approx(truth, abs=0.05)
 
 

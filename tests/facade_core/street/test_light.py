@@ -18,10 +18,10 @@ from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.ambient import ambient_light
 from facade_core.street.lighting.contact_shadow import contact_light
 from facade_core.street.lighting.light import SceneLight
-from facade_core.street.lighting.settings import EXPOSURE
 from facade_core.street.lighting.sun import sunlight_share
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.materials.relief import relief_shadow_share
+from facade_core.street.materials.settings import MATERIAL_FIELD
 from facade_core.street.surfaces import ChartLight, KnownTexture, finish_chart
 
 STREET = Street("s", None, shapely.LineString([(-20, -12), (40, -12)]))
@@ -142,7 +142,7 @@ def test_photos_are_not_lit_and_materials_are_as_their_factor_says(scene: Scene)
             photo, _ = finish_chart(scene, materials, chart, known(rank), light=ChartLight(light))
             assert (photo == 200).all()
         lit, _ = finish_chart(scene, materials, chart, known(Provenance.UNSEEN), light=ChartLight(light))
-        expected = bare * light.factor(chart) / EXPOSURE.typical_grey
+        expected = bare * light.factor(chart) / MATERIAL_FIELD.typical_grey
         assert np.abs(lit - np.minimum(expected, 255)).max() <= 1.1
 
 
