@@ -49,7 +49,8 @@ def main() -> None:
     with open_published_run(asked.out) as found:
         view = dict(zip(view_names(found.plan), choose_cameras(found.plan, found.records), strict=True))[asked.view]
         frame = mesh_y_up_frame(found.plan.scene.mesh)
-        sun = relighting_inputs(found).sun or NOON
+        light = relighting_inputs(found).light
+        sun = (light and light.sun) or NOON
     eye, target = frame.points(np.array([view.position, view.target]))
     seen = {
         "eye": eye.tolist(),

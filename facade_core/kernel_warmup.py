@@ -23,7 +23,8 @@ from facade_core.facade.texture.retargeting import analyse_exemplar
 from facade_core.facade.texture.wall_floors import FacadeWall
 from facade_core.geometry.charts import ChartKind
 from facade_core.plan.ingest import BlockInputs, build_plan
-from facade_core.street.lighting.facade_light import relight_facade
+from facade_core.street.lighting.facade_light import light_facade
+from facade_core.street.lighting.light import SceneLight
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.surfaces import KnownTexture, finish_chart
 
@@ -92,7 +93,7 @@ def compile_street_kernels() -> None:
     chart, sun = int(np.flatnonzero(scene.charts.kind == ChartKind.WALL)[0]), Sun(180.0, 45.0)
     shape = placement.shape(chart)
     wall = np.full((*shape, 3), 128, np.uint8), np.ones(shape, bool), np.full(shape, FacadeClass.WALL, np.uint8)
-    relight_facade(scene, chart, sun, *wall, np.ones(shape, np.float32), 0)
+    light_facade(scene, SceneLight(scene, materials.reflectance, sun), chart, *wall, 0)
     camera = PerspectiveCamera.from_heading(
         plan.viewpoints[0].position, heading=0, pitch=5, field_of_view=60, size=(6, 8)
     )

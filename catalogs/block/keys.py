@@ -186,12 +186,18 @@ class TextureSettings(IngestSettings):
             path=PathKind.FOLDER,
         ),
     ] = None
+    light: Annotated[
+        bool,
+        Field(strict=True),
+        Key(
+            "Whether generated colours hold light of the sky, light that surfaces reflect, and `sun`; `false` for programs "
+            "that light a scene themselves. Pictures are never lit.",
+            effect=Effect.UNITS,
+        ),
+    ] = True
     sun: Annotated[
         SunSettings | None,
-        Key(
-            "A soft sun in the textures, with shadows of the block; by default textures hold skylight only, for programs "
-            "that light a scene themselves."
-        ),
+        Key("A soft sun in the textures, with shadows of the block; by default the sky is overcast."),
     ] = None
 
 

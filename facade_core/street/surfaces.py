@@ -9,18 +9,17 @@ from typing import NamedTuple
 import numpy as np
 
 from facade_core.atlas.surroundings import ChartReader, coplanar_pieces, read_chart_with_surroundings
-from facade_core.core.arrays import BoolArray, Float32Array, Int64Array, UInt8Array
+from facade_core.core.arrays import BoolArray, Float32Array, Int64Array, IntArray, UInt8Array
 from facade_core.core.levelling import MAX_SEAM_DECAYS, SEAM_DECAY_M, level_seam_colours
 from facade_core.core.provenance import Provenance
-from facade_core.core.types import Sun
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.overhead_view import AerialSampler, resample_aerial_to_chart
 from facade_core.geometry.party_walls import find_enclosed_texels
 from facade_core.geometry.scene import Scene
 from facade_core.street.continuation import DecidedDifferences
 from facade_core.street.lighting.contact_shadow import contact_light
-from facade_core.street.lighting.facade_light import relight_facade
-from facade_core.street.lighting.sun import apply_sunlight, sunlight_share
+from facade_core.street.lighting.facade_light import light_facade
+from facade_core.street.lighting.light import SceneLight
 from facade_core.street.materials.example_fill import fill_by_example
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.materials.settings import EXAMPLE_FILL
@@ -65,16 +64,16 @@ class FinishSettings:
 
 
 @dataclass(frozen=True)
-class ChartSunlight:
-    """Sunlight on a chart.
+class ChartLight:
+    """Light on a chart.
 
     Attributes
     ----------
-    sun : position of the sun.
+    scene : light on the charts of the scene.
     labels : (h, w) class id of the facade on the chart, whose relief casts shadows.
     """
 
-    sun: Sun
+    scene: SceneLight
     labels: UInt8Array | None = None
 
 
@@ -104,47 +103,28 @@ def finish_chart(
     chart: int,
     known: KnownTexture,
     settings: FinishSettings = DEFAULT_FINISH,
-    sunlight: ChartSunlight | None = None,
+    light: ChartLight | None = None,
 ) -> tuple[UInt8Array, UInt8Array]:
     """Compute the final colour and provenance of a chart.
 
     Untextured texels get their material, with the differences that views decided; untextured ground under the open sky
-    gets the aerial picture. Hidden parts of a wall get one colour, which compresses to nothing. Walls and ground darken
-    near their contact line. With a sun the chart gets its light and shadows. Labels add the shadows of a facade's
-    relief, except on pictures of that facade.
+    gets the aerial picture. Hidden parts of a wall get one colour, which compresses to nothing. Generated texels are
+    lit before they are levelled, so that what continues a picture keeps the light that the picture shows. Pictures are
+    never lit. Labels add the shadows of a facade's relief.
 
     Parameters
     ----------
     scene : the block's geometry and atlas layout.
-    materials : material field of the block.
+    materials : material field of the block, without light of its own if `light` is given.
     chart : row of the chart.
     known : texture of the base layer.
     settings : settings by which the chart is finished.
-    sunlight : None for soft daylight only.
+    light : None for colours without light.
 
     Returns
     -------
     Colour (h, w, 3) uint8 and provenance (h, w) uint8 without UNSEEN.
     """
-    colour, provenance = _finish_unlit(scene, materials, chart, known, settings)
-    remaining = contact_light(scene, chart)
-    if remaining is not None:
-        darkened = (provenance <= Provenance.TRANSLATED) & (remaining < 1)
-        colour[darkened] = (colour[darkened] * remaining[darkened][:, None] + 0.5).astype(np.uint8)
-    if sunlight is not None:
-        sun, labels = sunlight.sun, sunlight.labels
-        light, is_synthesised = sunlight_share(scene, chart, sun), provenance == Provenance.SYNTHESISED
-        if labels is not None and is_synthesised.any():
-            colour = relight_facade(scene, chart, sun, colour, is_synthesised, labels, light, materials.arrays.seed)
-        else:
-            colour = apply_sunlight(colour, light)
-    return colour, provenance
-
-
-def _finish_unlit(
-    scene: Scene, materials: MaterialField, chart: int, known: KnownTexture, settings: FinishSettings
-) -> tuple[UInt8Array, UInt8Array]:
-    """Compute `finish_chart` without contact shading and sunlight."""
     aerial, differences = settings.aerial, settings.differences
     height, width = scene.placement.shape(chart)
     colour, provenance = (values.copy() for values in known.read(chart, slice(0, height), slice(0, width)))
@@ -162,6 +142,11 @@ def _finish_unlit(
             rgb, has_aerial = resample_aerial_to_chart(scene, chart, aerial)
             has_aerial &= untextured
             colour[has_aerial], provenance[has_aerial] = rgb[has_aerial], Provenance.PHOTO
+    if light is not None:
+        _light_generated(
+            scene, light, chart, colour, np.where(hidden, Provenance.UNSEEN, provenance), materials.arrays.seed
+        )
+        known = known._replace(read=_lit_reader(known.read, light.scene))
     if not settings.levelling:
         return colour, provenance
     free = untextured & (provenance == Provenance.PHOTO)
@@ -196,9 +181,44 @@ def _finish_unlit(
         has_photo |= filled
     share = photo_fade_weight(scene, chart, end)
     mixed = (share < 1) & has_photo
-    weight, painted = share[mixed][:, None], paint_texels(materials, chart, differences, *np.nonzero(mixed))
-    colour[mixed] = (weight * colour[mixed] + (1 - weight) * painted + 0.5).astype(np.uint8)
+    painted = colour.copy()
+    painted[mixed] = paint_texels(materials, chart, differences, *np.nonzero(mixed))
+    if light is not None:
+        _light_generated(scene, light, chart, painted, np.where(mixed, Provenance.MATERIAL, 0), materials.arrays.seed)
+    weight = share[mixed][:, None]
+    colour[mixed] = (weight * colour[mixed] + (1 - weight) * painted[mixed] + 0.5).astype(np.uint8)
     return colour, provenance
+
+
+def _light_generated(
+    scene: Scene, light: ChartLight, chart: int, colour: UInt8Array, provenance: IntArray, seed: int
+) -> None:
+    """Light the generated texels of a chart by their provenance (h, w), in place; UNSEEN ones stay."""
+    painted = (provenance > Provenance.UNSEEN) & (provenance <= Provenance.TRANSLATED)
+    light.scene.lay(chart, colour, painted)
+    remaining = contact_light(scene, chart)
+    if remaining is not None:
+        darkened = painted & (remaining < 1)
+        colour[darkened] = (colour[darkened] * remaining[darkened][:, None] + 0.5).astype(np.uint8)
+    is_synthesised = provenance == Provenance.SYNTHESISED
+    if light.labels is None:
+        light.scene.lay(chart, colour, is_synthesised)
+    elif is_synthesised.any():
+        light_facade(scene, light.scene, chart, colour, is_synthesised, light.labels, seed)
+
+
+def _lit_reader(read: ChartReader, light: SceneLight) -> ChartReader:
+    """Return a reader of the base layer with light on its synthesised texels."""
+
+    def read_lit(chart: int, rows: slice, columns: slice) -> tuple[UInt8Array, UInt8Array]:
+        colour, provenance = read(chart, rows, columns)
+        is_synthesised = provenance == Provenance.SYNTHESISED
+        if is_synthesised.any():
+            colour = colour.copy()
+            light.lay(chart, colour, is_synthesised, start=(rows.start, columns.start))
+        return colour, provenance
+
+    return read_lit
 
 
 def paint_texels(

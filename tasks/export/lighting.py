@@ -10,6 +10,7 @@ import numpy as np
 
 from facade_core.core.types import Sun
 from facade_core.export.lighting.relighting import MAX_CACHED_CHARTS, RelightingInputs, StoredChartTexels
+from facade_core.street.lighting.light import SceneLight
 from tasks.publish.published_run import PublishedBlock
 from tasks.stages.shared.materials import rebuild_material_field
 
@@ -17,7 +18,7 @@ from tasks.stages.shared.materials import rebuild_material_field
 def relighting_inputs(results: PublishedBlock, *, has_relief: bool = False) -> RelightingInputs:
     """Read the inputs of relighting; `has_relief` if the elements of facades are geometry.
 
-    Stores from before the sun was recorded have none; the light of their colours stays.
+    The light of colours stays that a store of an earlier version holds.
     """
     plan, group = results.plan, results.group
     placement = plan.scene.placement
@@ -34,13 +35,14 @@ def relighting_inputs(results: PublishedBlock, *, has_relief: bool = False) -> R
         )
 
     stated = cast(Sequence[float] | None, group.attrs.get("sun"))
+    sun = Sun(*map(float, stated)) if stated else None
     return RelightingInputs(
         plan.scene,
         plan.ground,
         field.arrays.charts.material,
         plan.textured,
         plan.ids.tolist(),
-        Sun(*map(float, stated)) if stated else None,
+        SceneLight(plan.scene, field.reflectance, sun) if group.attrs.get("light") else None,
         texels,
         has_relief,
     )

@@ -13,7 +13,7 @@ from facade_core.core.arrays import BoolArray, Float32Array, FloatArray, UInt8Ar
 from facade_core.core.labels import FacadeClass
 from facade_core.core.linear_light import linear_to_srgb
 from facade_core.core.provenance import Provenance
-from facade_core.core.types import MappedGround, Sun
+from facade_core.core.types import MappedGround
 from facade_core.export.lighting.albedo import divide_light, estimate_shading
 from facade_core.export.lighting.ground_materials import GroundMaterialOutlines
 from facade_core.export.lighting.height_maps import cavity_visibility, estimate_heights, normals_from_heights
@@ -35,10 +35,9 @@ from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.daylight import MIN_DAYLIGHT
 from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.contact_shadow import contact_light
-from facade_core.street.lighting.sun import SKY_LIGHT, SUN_LIGHT, sunlight_share
+from facade_core.street.lighting.light import SceneLight, interpolate_axis
 from facade_core.street.materials.field_kernels import SurfaceMaterial
-from facade_core.street.materials.settings import FIELD_KERNELS, MATERIAL_FIELD
-from facade_core.street.propagation.render import daylight_grey
+from facade_core.street.materials.settings import MATERIAL_FIELD
 
 # Charts with cached maps: those of one building, which a shell reads repeatedly.
 MAX_CACHED_CHARTS = 64
@@ -70,7 +69,7 @@ class RelightingInputs:
     chart_materials : (charts,) material of each chart, as in the charts of the material field.
     has_source_texture : (charts,) bool, charts with a texture of the input model.
     chart_numbers : (charts,) stable numbers that seed random choices.
-    sun : sun in the colours; None if there is none.
+    light : light in the colours; None if there is none.
     texels : returns the stored texels of a chart.
     has_relief : the elements of facades are geometry.
     """
@@ -80,7 +79,7 @@ class RelightingInputs:
     chart_materials: UInt8Array
     has_source_texture: BoolArray
     chart_numbers: Sequence[int]
-    sun: Sun | None
+    light: SceneLight | None
     texels: Callable[[int], StoredChartTexels]
     has_relief: bool = False
 
@@ -119,22 +118,15 @@ class _ChartRelighter:
     def albedo(self, chart: int) -> UInt8Array:
         """Compute the base colour (h, w, 3) uint8 of a chart.
 
-        The base layer of synthesised texels has no light. For materials, the sun and sky of the block are computed again and
+        The base layer of synthesised texels has no light. For materials, the light of the block is computed again and
         divided out; for photos, a smooth shading of the wall is divided out.
         """
         inputs, (provenance, base_layer, labels) = self.inputs, self.inputs.texels(chart)
         colour, shape = self.source.raster(chart), provenance.shape
         light = np.ones((*shape, 1), np.float32)
-        if inputs.sun is not None:
-            light = (SKY_LIGHT + sunlight_share(self.scene, chart, inputs.sun)[..., None] * SUN_LIGHT).astype(
-                np.float32
-            )
         painted = (provenance > Provenance.UNSEEN) & (provenance <= Provenance.TRANSLATED)
-        if painted.any():
-            clear, left = self.sky_visibility(chart, shape), contact_light(self.scene, chart)
-            own = daylight_grey(self.scene.charts.normals()[chart]) * (1 - FIELD_KERNELS.occlusion_loss * (1 - clear))
-            own = own if left is None else own * left
-            light = light * np.where(painted, own, np.float32(1))[..., None]
+        if inputs.light is not None and painted.any():
+            light = np.where(painted[..., None], inputs.light.factor(chart), light)
         pictured = provenance > Provenance.SYNTHESISED
         if labels is not None and pictured.any():
             field = estimate_shading(divide_light(colour, light), labels, self.density(chart))
@@ -158,7 +150,7 @@ class _ChartRelighter:
         free = max(0.5 + 0.5 * float(self.scene.charts.normals()[chart, 2]), MATERIAL_FIELD.min_open_sky)
         grid = np.minimum((grid - MIN_DAYLIGHT) / (1 - MIN_DAYLIGHT) / free, 1).astype(np.float32)
         for axis in (0, 1):
-            grid = _interpolate_axis(grid, axis, shape[axis])
+            grid = interpolate_axis(grid, axis, shape[axis])
         return grid
 
     def maps(self, chart: int, colour: UInt8Array, grounds: GroundMaterialOutlines) -> PbrMaps:
@@ -257,12 +249,3 @@ class _ChartRelighter:
 
 def _to_uint8(values: FloatArray) -> UInt8Array:
     return (np.clip(values, 0, 1) * 255 + 0.5).astype(np.uint8)
-
-
-def _interpolate_axis(grid: Float32Array, axis: int, texels: int) -> Float32Array:
-    """Interpolate a grid linearly along an axis at the centres of `texels` texels; the grid spans border to border."""
-    at = (np.arange(texels, dtype=np.float32) + np.float32(0.5)) / texels * (grid.shape[axis] - 1)
-    below = np.minimum(at.astype(np.int64), grid.shape[axis] - 2)
-    part = (at - below)[:, None] if axis == 0 else at - below
-    interpolated: Float32Array = grid.take(below, axis) * (1 - part) + grid.take(below + 1, axis) * part
-    return interpolated

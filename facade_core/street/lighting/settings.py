@@ -11,22 +11,24 @@ class AmbientSettings:
 
     Attributes
     ----------
-    ambient_cell_m : spacing of the ray origins, which include the border; light is linear between them.
+    ambient_cell_m : spacing of the places that light is traced for, which include the border; light is linear between
+        them.
+    rays_per_place : paths that start at a place.
     occluder_range_m : beyond this distance rays see haze: as bright as the sky above the horizon, as the ground below
         it.
-    ground_albedo, surface_albedo : share of light that the ground reflects, and other surfaces.
-    occluder_sky_share : share of its unoccluded sky that an occluder sees.
-    typical_sky_share : skylight of most walls of a street; it counts as a light of 1.
-    max_ambient_light : limit of the tone curve, as a picture of light and dark walls has one.
+    last_light : light of surfaces at the second reflection, as a share of the open sky's.
+    noise : standard deviation of the light that a single ray brings.
+    denoising_rounds : rounds of the filter; each reaches one place farther.
+    places_per_batch : places whose rays are cast at once.
     """
 
-    ambient_cell_m: float = 3.0
+    ambient_cell_m: float = 0.5
+    rays_per_place: int = 32
     occluder_range_m: float = 40.0
-    ground_albedo: float = 0.25
-    surface_albedo: float = 0.4
-    occluder_sky_share: float = 0.6
-    typical_sky_share: float = 0.4
-    max_ambient_light: float = 1.6
+    last_light: float = 0.4
+    noise: float = 0.5
+    denoising_rounds: int = 2
+    places_per_batch: int = 1 << 13
 
 
 AMBIENT = AmbientSettings()
@@ -87,6 +89,7 @@ class SunSettings:
 
     Attributes
     ----------
+    exposure : exposure with a sun, relative to that under an overcast sky.
     disk_radius_deg, disk_rays : six times the sun's own radius, as through thin haze.
     sun_cell_m : spacing of the ray origins; light is linear between them.
     ray_lift_m : distance of ray origins from the surface.
@@ -94,6 +97,7 @@ class SunSettings:
     ray_batch : rays per cast.
     """
 
+    exposure: float = 0.5
     disk_radius_deg: float = 1.6
     disk_rays: int = 9
     sun_cell_m: float = 0.25

@@ -4,17 +4,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.core.arrays import Float32Array, Float64Array, FloatArray, UInt8Array
+from facade_core.core.arrays import Float32Array, Float64Array
 from facade_core.core.fixed_order import multiply_matrices
 from facade_core.core.types import Sun
 from facade_core.geometry.charts import Charts
 from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.settings import SUNLIGHT
+from facade_core.street.materials.settings import MATERIAL_FIELD
 
-# Light of the sky alone, red, green and blue; shadows are cooler.
-SKY_LIGHT = np.array([0.75, 0.77, 0.81])
-# Light of the sun at normal incidence.
-SUN_LIGHT = np.array([0.79, 0.73, 0.63])
+# Linear light of a clear sky on level ground in the open, red, green and blue; shadows are cooler.
+CLEAR_SKY_LIGHT = np.array([0.92, 0.98, 1.08])
+# Linear light of the sun at normal incidence, on the same scale.
+SUN_LIGHT = np.array([2.6, 2.4, 2.05])
+
+
+def sky_light(sun: Sun | None) -> Float64Array:
+    """Return the linear light (3,) of the whole sky: clear with a sun, else overcast and neutral."""
+    return np.ones(3) if sun is None else CLEAR_SKY_LIGHT
 
 
 def sun_direction(sun: Sun) -> Float64Array:
@@ -87,22 +93,5 @@ def sun_in_chart_frame(charts: Charts, chart: int, sun: Sun) -> tuple[Float64Arr
     """
     frame = np.stack([charts.axis_u[chart], charts.axis_v[chart], charts.normals()[chart]])
     towards = multiply_matrices(frame, sun_direction(sun))
-    return towards, float((SKY_LIGHT / (SKY_LIGHT + SUN_LIGHT * max(towards[2], 0.0))).mean())
-
-
-def apply_sunlight(colour: UInt8Array, light: FloatArray) -> UInt8Array:
-    """Apply the sky's light and a share of sunlight.
-
-    Parameters
-    ----------
-    colour : (h, w, 3) uint8.
-    light : (h, w) share of sunlight.
-
-    Returns
-    -------
-    (h, w, 3) uint8.
-    """
-    out = np.empty_like(colour)
-    for band, (sky_band, sun_band) in enumerate(zip(SKY_LIGHT.tolist(), SUN_LIGHT.tolist(), strict=True)):
-        out[..., band] = np.minimum(colour[..., band] * (sky_band + sun_band * light) + np.float32(0.5), 255)
-    return out
+    sky = MATERIAL_FIELD.typical_light * CLEAR_SKY_LIGHT
+    return towards, float(np.sqrt(sky / (sky + SUN_LIGHT * max(towards[2], 0.0))).mean())

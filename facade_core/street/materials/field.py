@@ -100,6 +100,7 @@ class MaterialField:
     Attributes
     ----------
     arrays : inputs of the kernels.
+    is_lit : colours hold a coarse skylight, as views of streets show it.
     """
 
     def __init__(
@@ -126,6 +127,7 @@ class MaterialField:
         self._scene = scene
         self._ground = GroundTiles(ground or MappedGround(assume_street_ways(streets)), scene.charts)
         self._step = 1 / scene.placement.texels_per_metre
+        self.is_lit = True
         grey = TiledMaterial(np.full((1, 1, 3), 128, np.float32), (1.0, 1.0))
         self.arrays = MaterialFieldArrays(
             _build_surfaces(scene, seed, has_roof_picture=roof_material is not None),
@@ -167,6 +169,25 @@ class MaterialField:
             override=MaterialOverride(np.sort(plaster_walls).astype(np.int64), int(material), int(example), colour)
         )
         return changed
+
+    def without_light(self) -> MaterialField:
+        """Return a copy whose colours hold no light: as in typical light."""
+        changed = copy(self)
+        surfaces = self.arrays.charts
+        grey = np.full_like(surfaces.grey, MATERIAL_FIELD.typical_grey)
+        tint = surfaces.tint * (grey / surfaces.grey)[:, None]
+        changed.arrays = self.arrays._replace(charts=surfaces._replace(grey=grey, tint=tint))
+        changed.is_lit = False
+        return changed
+
+    @property
+    def reflectance(self) -> Float64Array:
+        """Return the shares of light that the charts reflect, (charts, 3)."""
+        surfaces = self.arrays.charts
+        colour = np.clip(surfaces.tint / surfaces.grey[:, None] / 255, 0, 1) ** 2
+        colour[colour.max(axis=1) < 0.01] = MATERIAL_FIELD.surface_albedo  # no colour of its own
+        colour[surfaces.material == SurfaceMaterial.GROUND] = MATERIAL_FIELD.ground_albedo
+        return colour
 
     def with_pictured_ground(self, shown: Mapping[int, tuple[UInt8Array, BoolArray]]) -> MaterialField:
         """Return a copy in which ground of each surface looks as pictures show it.
@@ -267,6 +288,10 @@ class MaterialField:
 
     def _kernel_arguments(self, charts: Sequence[int] | IntArray) -> tuple[MaterialFieldArrays, DaylightGrids]:
         """Return the arrays and the light for some charts."""
+        if not self.is_lit:
+            count = np.full(len(self._scene.charts), 2)
+            lights = DaylightGrids(np.zeros_like(count), count, count, np.ones(4, np.float32))
+            return self.arrays._replace(ground=self._ground.build_arrays(charts)), lights
         daylight = self._scene.daylight
         daylight.compute(charts)
         lights = DaylightGrids(daylight.start, daylight.columns, daylight.rows, daylight.light)

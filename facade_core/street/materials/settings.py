@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -66,6 +67,9 @@ class FieldSettings:
     rough_plaster_share : share of plaster buildings with rough plaster.
     paint_batch_texels : texels per call of the kernel.
     min_open_sky : lower bound of the open sky, for surfaces that face down.
+    ground_albedo, surface_albedo : share of light that ground reflects, and other surfaces without a colour of their own.
+    typical_light : linear light of most walls of a street under an overcast sky, 1 on level ground in the open; it leaves
+        pictures of exemplars as they are.
     """
 
     max_tiled_cosine: float = 0.966
@@ -79,6 +83,14 @@ class FieldSettings:
     rough_plaster_share: float = 1 / 3
     paint_batch_texels: int = 1 << 16
     min_open_sky: float = 0.25
+    ground_albedo: float = 0.2
+    surface_albedo: float = 0.4
+    typical_light: float = 0.5
+
+    @property
+    def typical_grey(self) -> float:
+        """Brightness of white in the typical light."""
+        return math.sqrt(self.typical_light)
 
 
 MATERIAL_FIELD = FieldSettings()

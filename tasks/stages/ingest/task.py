@@ -116,6 +116,7 @@ def ingest_block(run: Run, block: Block, each: ParallelMap = map_in_this_process
             crs=run.crs,
             seed=run.seed,
             relief=run.texture.relief,
+            light=run.texture.light,
             sun=run.texture.sun and [run.texture.sun.azimuth, run.texture.sun.elevation],
             material_digest=store_materials(root, run.roof_material, run.materials, run.texture.texels_per_metre),
             geoid_separation=block.geoid_separation,

@@ -14,8 +14,8 @@ from facade_core.core.arrays import IntArray
 from facade_core.core.grouping import RowsByValue
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.settings import DAYLIGHT
 from facade_core.plan.plan import Plan
+from facade_core.street.lighting.ambient import AMBIENT_REACH_M
 from facade_core.street.lighting.settings import SUNLIGHT
 from facade_core.street.surfaces import LEVELLING_MARGIN_M
 from tasks.engine.inputs import INPUTS_PENDING
@@ -104,7 +104,7 @@ def surface_inputs(
     """
     low, high = bounding_box(plan, charts)
     texture, reads = run.texture, [*charts, *beside]
-    reach = DAYLIGHT.max_occluder_m if texture.sun is None else SUNLIGHT.max_shadow_reach_m
+    reach = AMBIENT_REACH_M if texture.sun is None else max(AMBIENT_REACH_M, SUNLIGHT.max_shadow_reach_m)
     is_ground = bool((plan.scene.charts.kind[list(charts)] == ChartKind.GROUND).any())
     seen = plan.select_view_rows(np.array(charts))[:, 0].tolist() if is_ground else ()
     names = [f"{plan.ids[chart]:016x}" for chart in reads]
@@ -119,7 +119,8 @@ def surface_inputs(
         aerial=run.aerial if is_ground else None,
         roof_material=run.roof_material,
         materials=run.materials,
-        sun=texture.sun,
+        light=texture.light,
+        sun=texture.sun if texture.light else None,
         levelling=texture.levelling,
         seed=run.seed,
     )

@@ -24,8 +24,9 @@ from facade_core.facade.wall_material import measure_wall_material
 from facade_core.geometry.chart_packing import ChartPlacements
 from facade_core.plan.plan import Plan
 from facade_core.street.continuation import StreetView, blend_street_views
+from facade_core.street.lighting.light import SceneLight
 from facade_core.street.materials.field import MaterialField
-from facade_core.street.surfaces import ChartSunlight, FinishSettings, KnownTexture, finish_chart
+from facade_core.street.surfaces import ChartLight, FinishSettings, KnownTexture, finish_chart
 from tasks.engine.atlas import Atlas
 from tasks.engine.context import current_store, load_run_plan
 from tasks.engine.inputs import (
@@ -60,6 +61,7 @@ class SurfaceInputs:
     views : what viewpoints of streets decided that see the charts, in the order of streets.
     aerial : picture of ground from above.
     roof_material, materials : own pictures of materials.
+    light : whether generated colours are lit.
     sun : position of the sun.
     levelling : whether seams are levelled.
     seed : seed of the block.
@@ -75,6 +77,7 @@ class SurfaceInputs:
     aerial: Orthophoto | None = input_field("orthophoto changed")
     roof_material: RoofPicture | None = input_field(SETTINGS_CHANGED)
     materials: tuple[MaterialPicture, ...] = input_field(SETTINGS_CHANGED)
+    light: bool = input_field(SETTINGS_CHANGED)
     sun: Sun | None = input_field(SETTINGS_CHANGED)
     levelling: bool = input_field(SETTINGS_CHANGED)
     seed: int = input_field(SETTINGS_CHANGED)
@@ -102,9 +105,9 @@ def compute_surface(inputs: SurfaceInputs) -> FinishedSurfaces:
     group, plan = inputs.seeds.store, inputs.view.plan
     field = cached_material_field(
         inputs.ground.run, inputs.seed, inputs.roof_material, inputs.materials, inputs.pictured_ground
-    )
+    ).without_light()
     prepared = time.time()
-    scene.daylight.compute(np.array(charts))  # all at once: each call casts rays of its own
+    light = SceneLight(scene, field.reflectance, inputs.sun) if inputs.light else None
     seeded = inputs.seeds.charts_with_texels
     pictured = frozenset(compress(inputs.seeds.charts, inputs.pictured))
     known = KnownTexture(_make_reader(group, scene.placement, seeded), seeded, pictured)
@@ -126,8 +129,8 @@ def compute_surface(inputs: SurfaceInputs) -> FinishedSurfaces:
                 differences=differences,
             ),
             None
-            if inputs.sun is None
-            else ChartSunlight(inputs.sun, _facade_labels(group, plan, chart) if chart in seeded else None),
+            if light is None
+            else ChartLight(light, _facade_labels(group, plan, chart) if chart in seeded else None),
         )
         texels = rasters.texel_slice(scene.placement, chart)
         colour[texels], provenance[texels] = rgb.reshape(-1, 3), rank.reshape(-1)

@@ -233,6 +233,7 @@ OTHER_SETTINGS: dict[str, Any] = {
     "texture.levelling": False,
     "texture.relief": "off",
     "texture.roof_material": {"path": "a.png", "metres_per_pixel": 0.02},
+    "texture.light": False,
     "texture.sun": {"azimuth": 200.0, "elevation": 30.0},
     "imagery.photos": {"path": "photos", "rectified": False},
     "imagery.privacy": "mask",

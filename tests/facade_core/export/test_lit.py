@@ -35,8 +35,7 @@ from facade_core.export.models.textured_mesh import (
 )
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.scene import Scene
-from facade_core.street.lighting.sun import apply_sunlight as in_light
-from facade_core.street.lighting.sun import sunlight_share
+from facade_core.street.lighting.light import SceneLight
 from facade_core.street.materials import field_kernels as field
 from facade_core.street.materials.settings import RELIEF
 from tests.facade_core.export.conftest import STREET, colour_of
@@ -171,6 +170,7 @@ def test_ground_is_of_what_its_map_says(houses: Scene) -> None:
 
 
 def lighting(scene: Scene, sun: Sun | None, provenance: int = Provenance.PHOTO) -> RelightingInputs:
+    light = SceneLight(scene, np.full((len(scene.charts), 3), 0.4), sun)
     made = np.array(
         [field.SurfaceMaterial.PLASTER, field.SurfaceMaterial.SHEET_METAL, field.SurfaceMaterial.GROUND], np.uint8
     )[np.minimum(scene.charts.kind, ChartKind.GROUND)]
@@ -185,21 +185,23 @@ def lighting(scene: Scene, sun: Sun | None, provenance: int = Provenance.PHOTO) 
         return StoredChartTexels(np.full(shape, provenance, np.uint8), np.full((*shape, 3), 90, np.uint8), labels)
 
     return RelightingInputs(
-        scene, MappedGround(), made, np.zeros(len(scene.charts), bool), list(range(len(scene.charts))), sun, texels
+        scene, MappedGround(), made, np.zeros(len(scene.charts), bool), list(range(len(scene.charts))), light, texels
     )
 
 
-def test_the_sun_that_lit_a_colour_is_divided_out(houses: Scene, coloured: TexturedMesh) -> None:
+@pytest.mark.parametrize("sun", [None, SUN])
+def test_the_light_of_a_colour_is_divided_out(houses: Scene, coloured: TexturedMesh, sun: Sun | None) -> None:
     for chart in coloured.select_charts(np.array([0])).tolist()[:6]:
         raster = np.maximum(coloured.raster(chart) // 2, 20)
-        sunny = in_light(raster, sunlight_share(houses, chart, SUN))
-        known = lighting(houses, SUN)
+        known = lighting(houses, sun, Provenance.MATERIAL)
+        assert known.light is not None
+        sunny = np.minimum(raster * known.light.factor(chart) + 0.5, 255).astype(np.uint8)
         known = replace(known, texels=lambda c, known=known: known.texels(c)._replace(labels=None, base_layer=None))
         found = build_relightable_mesh(replace(coloured, raster=lambda _, sunny=sunny: sunny), known).raster(chart)
         assert np.abs(found.astype(int) - raster).max() <= 2
     walls = coloured.select_charts(np.array([0]))
     wall = int(walls[coloured.charts.kind[walls] == ChartKind.WALL][0])
-    assert (build_relightable_mesh(coloured, lighting(houses, SUN, Provenance.SYNTHESISED)).raster(wall) == 90).all(), (
+    assert (build_relightable_mesh(coloured, lighting(houses, sun, Provenance.SYNTHESISED)).raster(wall) == 90).all(), (
         "as the facade stage left it"
     )
 

@@ -15,7 +15,6 @@ from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.geometry.overhead_view import resample_aerial_to_chart, texel_points, upward_roof_mask
 from facade_core.geometry.scene import Scene
-from facade_core.street.lighting.contact_shadow import contact_light
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.materials.tiled_material import TiledMaterial
 from facade_core.street.surfaces import FinishSettings, KnownTexture, finish_chart
@@ -92,11 +91,9 @@ def test_unseen_ground_takes_the_picture_and_seen_ground_keeps_its_own(scene: Sc
     rgb, known = resample_aerial_to_chart(scene, chart, picture)
     assert (known & ~seen).sum() > 1000
     np.testing.assert_array_equal(colour[known & ~seen], rgb[known & ~seen])
-    left = contact_light(scene, chart)
-    away = np.ones(shape, bool) if left is None else left == 1  # from walls: at their feet what is painted is darker
-    assert (seen & away).any()
-    assert (colour[seen & away] == [9, 9, 200]).all()
-    bare = ~known & ~seen & away
+    assert seen.any()
+    assert (colour[seen] == [9, 9, 200]).all()
+    bare = ~known & ~seen
     assert bare.any()
     np.testing.assert_array_equal(colour[bare], materials.chart_raster(chart)[bare])
     np.testing.assert_array_equal(

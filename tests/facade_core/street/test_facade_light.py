@@ -14,18 +14,16 @@ from facade_core.core.types import Building, Street, Sun
 from facade_core.geometry.block_surfaces import build_block_surfaces
 from facade_core.geometry.chart_packing import pack_charts
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.daylight import hemisphere_directions
 from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.settings import DAYLIGHT
 from facade_core.street.lighting.ambient import ambient_light
-from facade_core.street.lighting.facade_light import apply_facade_light
+from facade_core.street.lighting.light import NO_TONES, SceneLight, apply_light
 from facade_core.street.lighting.settings import AMBIENT
-from facade_core.street.lighting.sun import SKY_LIGHT, SUN_LIGHT, apply_sunlight, sun_direction, sunlight_share
 from facade_core.street.materials.field import MaterialField
-from facade_core.street.materials.settings import STAINS
+from facade_core.street.materials.settings import MATERIAL_FIELD, STAINS
 from facade_core.street.materials.stains import stain_strengths, stain_tones, stain_weights, wall_brightness_deviations
-from facade_core.street.surfaces import ChartSunlight, KnownTexture, finish_chart
+from facade_core.street.surfaces import ChartLight, KnownTexture, finish_chart
 
 STREET = Street("s", None, shapely.LineString([(-20, -6), (60, -6)]))
 NOON = Sun(180.0, 45.0)
@@ -56,57 +54,45 @@ def side(scene: Scene, building: int, north: float) -> int:
     return int(found)
 
 
-def total(scene: Scene, chart: int) -> np.ndarray:
-    above, back = ambient_light(scene, chart, NOON)
-    return above + back * (SUN_LIGHT.mean() / SKY_LIGHT.mean())
-
-
-def test_light_is_that_of_single_rays(scene: Scene) -> None:
-    """Each place and ray by itself, in the order in which one would say it."""
-    chart = side(scene, 1, 1)
-    above, back = ambient_light(scene, chart, NOON)
-    charts, normals, towards = scene.charts, scene.charts.normals(), sun_direction(NOON)
-    row, column = 2, 4
-    share = np.array([[column / (above.shape[1] - 1), row / (above.shape[0] - 1)]])
-    place = charts.points_at_shares(np.array([chart]), share)[0, 0] + DAYLIGHT.ray_lift_m * normals[chart]
-    place += DAYLIGHT.ray_shift_m * (charts.axis_u[chart] + charts.axis_v[chart])
-    sky, thrown = [], []
-    for x, y, z in hemisphere_directions():
-        ray = x * charts.axis_u[chart] + y * charts.axis_v[chart] + z * normals[chart]
-        (depth,), (met,) = scene.caster.cast(place, ray[None])
-        if depth > AMBIENT.occluder_range_m and ray[2] >= 0:
-            sky.append(1.0)
-            thrown.append(0.0)
-            continue
-        far = depth > AMBIENT.occluder_range_m
-        normal = np.array([0.0, 0.0, 1.0]) if far else normals[met]
-        share_back = AMBIENT.ground_albedo if far or charts.kind[met] == ChartKind.GROUND else AMBIENT.surface_albedo
-        sky.append(AMBIENT.occluder_sky_share * share_back * (0.5 + 0.5 * normal[2]))
-        sun = max(float(normal @ towards), 0.0)
-        if not far and sun > 0:
-            ahead, _ = scene.caster.cast(place + depth * ray + 0.04 * normal, towards[None])
-            sun *= float(ahead[0] > 110)
-        thrown.append(share_back * sun)
-    whole = (np.mean(sky) + np.mean(thrown) * SUN_LIGHT.mean() / SKY_LIGHT.mean()) / AMBIENT.typical_sky_share
-    shown = AMBIENT.max_ambient_light / (whole + AMBIENT.max_ambient_light - 1)
-    assert above[row, column] == pytest.approx(np.mean(sky) / AMBIENT.typical_sky_share * shown, rel=1e-4)
-    assert back[row, column] == pytest.approx(np.mean(thrown) / AMBIENT.typical_sky_share * shown, rel=1e-4)
-    assert np.mean(thrown) > 0.02, "the sunlit house across the street throws some back"
+def total(scene: Scene, chart: int, sun: Sun | None = NOON) -> np.ndarray:
+    reflectance = MaterialField(scene, [STREET], seed=1).reflectance
+    return ambient_light(scene, chart, reflectance, sun).mean(axis=2)
 
 
 def test_walls_in_the_shade_are_not_even(scene: Scene) -> None:
-    shaded, alone = total(scene, side(scene, 1, 1)), total(scene, side(scene, 2, 1))
+    shaded = total(scene, side(scene, 1, 1))
     middle = shaded[:, shaded.shape[1] // 2]
     assert middle[0] > 1.15 * middle[-1], "lighter above, where more of the sky is seen"
-    assert (alone.mean(axis=1) > shaded.mean(axis=1)).all()
-    assert shaded.max() < AMBIENT.max_ambient_light
-    again = ambient_light(scene, side(scene, 1, 1), NOON)
-    assert all((a == b).all() for a, b in zip(again, ambient_light(scene, side(scene, 1, 1), NOON), strict=True))
+    overcast = [total(scene, side(scene, house, 1), None).mean(axis=1) for house in (1, 2)]
+    assert (overcast[1] > overcast[0]).all()
+    np.testing.assert_array_equal(shaded, total(scene, side(scene, 1, 1)))
+
+
+def test_light_is_that_of_many_rays(scene: Scene) -> None:
+    """The denoised grid against the mean of 4,000 rays at one place, without reflections."""
+    chart = side(scene, 1, 1)
+    grid = ambient_light(scene, chart, np.zeros((len(scene.charts), 3)), None)[..., 1]
+    charts, rng = scene.charts, np.random.default_rng(1)
+    for row, column in ((4, 20), (15, 40), (25, 60)):
+        share = np.array([[column / (grid.shape[1] - 1), row / (grid.shape[0] - 1)]])
+        place = charts.points_at_shares(np.array([chart]), share)[0, 0] + DAYLIGHT.ray_lift_m * charts.normals()[chart]
+        radius, turn = np.sqrt(rng.random(4000)), 2 * np.pi * rng.random(4000)
+        along = np.stack([radius * np.cos(turn), radius * np.sin(turn), np.sqrt(1 - radius**2)], axis=1)
+        rays = along @ np.stack([charts.axis_u[chart], charts.axis_v[chart], charts.normals()[chart]])
+        far = scene.caster.cast(place, rays)[0] > AMBIENT.occluder_range_m
+        truth = np.where(far, np.where(rays[:, 2] >= 0, 1.0, MATERIAL_FIELD.ground_albedo), 0.0).mean()
+        assert grid[row, column] == pytest.approx(truth, abs=0.05)
 
 
 def test_a_sunlit_house_across_the_street_lights_more_than_a_shaded_one(scene: Scene) -> None:
     chart = side(scene, 1, 1)
-    assert ambient_light(scene, chart, NOON)[1].sum() > 2 * ambient_light(scene, chart, Sun(0.0, 5.0))[1].sum()
+    assert total(scene, chart).mean() > 1.15 * total(scene, chart, Sun(0.0, 5.0)).mean()
+
+
+def test_coloured_walls_colour_the_light(scene: Scene) -> None:
+    red = np.tile([0.6, 0.1, 0.1], (len(scene.charts), 1))
+    light = ambient_light(scene, side(scene, 1, 1), red, None).mean(axis=(0, 1))
+    assert light[0] > 1.1 * light[2]
 
 
 def test_stains_give_an_even_wall_what_photographs_have_and_one_that_has_it_nothing() -> None:
@@ -167,22 +153,26 @@ def test_light_is_laid_over_as_numpy_does() -> None:
     rng = np.random.default_rng(3)
     colour = rng.integers(0, 256, (12, 17, 3)).astype(np.uint8)
     made, wall = rng.random((2, 12, 17)) < 0.7
-    light = rng.random((12, 17)).astype(np.float32)
-    above, back = rng.uniform(0.2, 1, (2, 3, 4)).astype(np.float32)
+    sunlight, sun = rng.random((12, 17)).astype(np.float32), np.array([2.0, 1.5, 1.0])
+    ambient = rng.uniform(0.2, 1, (3, 4, 3)).astype(np.float32)
     tones = rng.uniform(0.8, 1.2, (6, 9)).astype(np.float32)
-    out = np.empty_like(colour)
-    apply_facade_light(colour, made, wall, light, above, back, tones, out)
 
     def between(grid: np.ndarray, y: np.ndarray, x: np.ndarray) -> np.ndarray:
         across = np.array([np.interp(x, np.arange(grid.shape[1]), row) for row in grid])
         return np.array([np.interp(y, np.arange(grid.shape[0]), column) for column in across.T]).T
 
     y, x = ((np.arange(n) + 0.5) / n for n in made.shape)
-    sky = np.where(made, between(above, y * 2, x * 3), 1)
-    sun = light + np.where(made, between(back, y * 2, x * 3), 0)
-    tone = np.where(made & wall, between(tones, y * 6 - 0.5, x * 9 - 0.5), 1)
-    wanted = colour * tone[..., None] * (SKY_LIGHT * sky[..., None] + SUN_LIGHT * sun[..., None])
-    assert np.abs(np.minimum(wanted, 255) - out).max() <= 0.5 + 1e-3
+    light = np.stack([between(ambient[..., band], y * 2, x * 3) for band in range(3)], axis=2)
+    light = np.sqrt(light + sun * sunlight[..., None])
+    tone = np.where(wall, between(tones, y * 6 - 0.5, x * 9 - 0.5), 1)[..., None]
+    wanted = np.where(made[..., None], np.minimum(colour * tone * light, 255), colour)
+    whole = colour.copy()
+    apply_light(whole, made, np.array([12, 17, 0, 0]), ambient, sunlight, sun, tones, wall)
+    assert np.abs(wanted - whole).max() <= 0.5 + 1e-3
+    part = colour[4:, 5:].copy()
+    apply_light(part, made[4:, 5:], np.array([12, 17, 4, 5]), ambient, sunlight, sun, NO_TONES, wall[4:, 5:])
+    plain = np.where(made[..., None], np.minimum(colour * light, 255), colour)[4:, 5:]
+    assert np.abs(plain - part).max() <= 0.5 + 1e-3
 
 
 def test_what_is_a_picture_has_its_own_light_and_windows_have_no_stains(scene: Scene) -> None:
@@ -197,11 +187,10 @@ def test_what_is_a_picture_has_its_own_light_and_windows_have_no_stains(scene: S
             return colour[rows, columns], np.full(size, rank, np.uint8)[rows, columns]
 
         known = KnownTexture(read, ())
-        return finish_chart(scene, materials, chart, known, sunlight=ChartSunlight(NOON, labels))[0]
+        light = ChartLight(SceneLight(scene, materials.reflectance, NOON), labels)
+        return finish_chart(scene, materials.without_light(), chart, known, light=light)[0]
 
-    np.testing.assert_array_equal(
-        finished(Provenance.SYNTHESISED + 1), apply_sunlight(colour, sunlight_share(scene, chart, NOON))
-    )
+    np.testing.assert_array_equal(finished(Provenance.SYNTHESISED + 1), colour)
     made = finished(Provenance.SYNTHESISED).astype(float)
     window, wall = made[45:75, 105:135, 0], made[45:75, 145:175, 0]
     assert wall.std() > 3 * window.std()

@@ -15,11 +15,14 @@ from facade_core.geometry.chart_packing import pack_charts
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.geometry.scene import Scene
+from facade_core.street.lighting.ambient import ambient_light
 from facade_core.street.lighting.contact_shadow import contact_light
-from facade_core.street.lighting.sun import apply_sunlight, sunlight_share
+from facade_core.street.lighting.light import SceneLight
+from facade_core.street.lighting.sun import sunlight_share
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.materials.relief import relief_shadow_share
-from facade_core.street.surfaces import ChartSunlight, KnownTexture, finish_chart
+from facade_core.street.materials.settings import MATERIAL_FIELD
+from facade_core.street.surfaces import ChartLight, KnownTexture, finish_chart
 
 STREET = Street("s", None, shapely.LineString([(-20, -12), (40, -12)]))
 DENSITY = 8.0
@@ -79,9 +82,9 @@ def test_walls_face_the_sun_or_not(scene: Scene) -> None:
     (front,), (back,) = (np.flatnonzero(walls & (sense * north < -0.9)) for sense in (1, -1))
     assert sunlight_share(scene, int(front), SOUTH).min() == pytest.approx(np.sqrt(0.5), abs=1e-3)
     assert not sunlight_share(scene, int(back), SOUTH).any()
-    grey = np.full((2, 2, 3), 120, np.uint8)
-    light, shade = (apply_sunlight(grey, np.full((2, 2), share, np.float32))[0, 0].astype(int) for share in (0.7, 0.0))
-    assert (light > shade + 30).all()
+    sunny = SceneLight(scene, MaterialField(scene, [STREET], seed=1).reflectance, SOUTH)
+    light, shade = (sunny.factor(int(wall))[8].mean(axis=0) for wall in (front, back))
+    assert (light > 1.3 * shade).all()
     assert shade[2] > shade[0], "what is in the shade is lit by the sky"
 
 
@@ -119,31 +122,60 @@ def test_pieces_of_the_ground_meet_with_one_light(scene: Scene) -> None:
     assert values[0] == pytest.approx(values[1], abs=0.06)
 
 
-def test_without_a_sun_nothing_changes_and_photos_keep_their_feet(scene: Scene) -> None:
-    materials = MaterialField(scene, [STREET], seed=1)
+def test_photos_are_not_lit_and_materials_are_as_their_factor_says(scene: Scene) -> None:
+    materials = MaterialField(scene, [STREET], seed=1).without_light()
     chart = int(np.flatnonzero(scene.charts.kind == ChartKind.WALL)[0])
     size = scene.placement.shape(chart)
 
     def known(rank: int) -> KnownTexture:
         def read(one: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
-            colour = np.full((*size, 3), 200 if rank == Provenance.PHOTO else 0, np.uint8)
+            colour = np.full((*size, 3), 200 if rank >= Provenance.INPAINTED else 0, np.uint8)
             return colour[rows, columns], np.full(size, rank, np.uint8)[rows, columns]
 
         return KnownTexture(read, ())
 
-    photo, _ = finish_chart(scene, materials, chart, known(Provenance.PHOTO))
-    assert (photo == 200).all()
     bare, _ = finish_chart(scene, materials, chart, known(Provenance.UNSEEN))
-    left = contact_light(scene, chart)
-    assert left is not None
-    expected = np.where(
-        left[..., None] < 1, (materials.chart_raster(chart) * left[..., None] + 0.5).astype(np.uint8), 0
+    np.testing.assert_array_equal(bare, materials.chart_raster(chart))
+    for sun in (None, SOUTH):
+        light = SceneLight(scene, materials.reflectance, sun)
+        for rank in (Provenance.INPAINTED, Provenance.PHOTO):
+            photo, _ = finish_chart(scene, materials, chart, known(rank), light=ChartLight(light))
+            assert (photo == 200).all()
+        lit, _ = finish_chart(scene, materials, chart, known(Provenance.UNSEEN), light=ChartLight(light))
+        expected = bare * light.factor(chart) / MATERIAL_FIELD.typical_grey
+        assert np.abs(lit - np.minimum(expected, 255)).max() <= 1.1
+
+
+def test_courts_corners_and_feet_of_walls_are_darker_than_open_places() -> None:
+    """A court of 6 m between walls of 12 m, and the ground in front, under an overcast sky."""
+    ring = shapely.box(0, 0, 20, 20).difference(shapely.box(7, 7, 13, 13))
+    charts, mesh, _ = build_block_surfaces(
+        [Building("ring", ring, 12.0, "height")],
+        [STREET],
+        terrain=build_terrain([], None),
+        ground_margin=60,
+        largest=200,
     )
-    np.testing.assert_array_equal(np.where(left[..., None] < 1, bare, 0), expected)
-    assert (bare[left == 1] == materials.chart_raster(chart)[left == 1]).all()
-    sunny, _ = finish_chart(scene, materials, chart, known(Provenance.UNSEEN), sunlight=ChartSunlight(SOUTH))
-    assert (sunny != bare).any()
-    np.testing.assert_array_equal(sunny, apply_sunlight(bare, sunlight_share(scene, chart, SOUTH)))
+    placement = pack_charts(charts.size, DENSITY, charts.building, page=1024, chunk=128, gutter=2)
+    court = Scene(mesh, charts, placement, AtlasSpec(placement.pages, DENSITY, page=1024), names=("ring",))
+    black, white = np.zeros((len(charts), 3)), np.full((len(charts), 3), 0.8)
+
+    def light(place: tuple[float, float], reflectance: np.ndarray = black) -> float:
+        chart, (row, column) = on_ground(court, place)
+        grid = ambient_light(court, chart, reflectance, None)
+        height, width = court.placement.shape(chart)
+        return float(grid[round(row / height * (len(grid) - 1)), round(column / width * (grid.shape[1] - 1)), 1])
+
+    assert light((-50, 10)) == pytest.approx(1, abs=0.03)
+    assert light((10, 10)) < 0.25
+    assert light((10, 10), white) > light((10, 10)) + 0.1, "white walls send light down"
+    assert light((10, -0.5)) == pytest.approx(0.5, abs=0.15)
+    assert light((10, -0.5)) < light((10, -4)) - 0.1 < light((10, -15)) - 0.2
+    # black surfaces: a level place in the middle of a square court sees this share of the sky
+    half, high = 3.0, 12.0
+    slope = half / np.hypot(half, high)
+    seen = 4 / np.pi * slope * np.arctan(half / np.hypot(half, high))
+    assert light((10, 10)) == pytest.approx(seen, abs=0.03)
 
 
 def test_relief_casts_shadows_away_from_the_sun_and_none_where_a_picture_has_them() -> None:

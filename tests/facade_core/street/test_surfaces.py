@@ -15,7 +15,6 @@ from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.geometry.party_walls import find_enclosed_texels
 from facade_core.geometry.scene import Scene
-from facade_core.street.lighting.contact_shadow import contact_light
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.materials.settings import EXAMPLE_FILL
 from facade_core.street.surfaces import (
@@ -65,20 +64,10 @@ def bare(scene: Scene, chart: int) -> np.ndarray:
     return np.zeros(scene.placement.shape(chart), np.uint8)
 
 
-def footed(scene: Scene, chart: int, raster: np.ndarray) -> np.ndarray:
-    """A raster (h, w, 3) of a chart, darker where walls stand on the ground."""
-    left = contact_light(scene, chart)
-    return (
-        raster
-        if left is None
-        else np.where(left[..., None] < 1, raster * left[..., None] + 0.5, raster).astype(np.uint8)
-    )
-
-
 def test_a_chart_that_nobody_saw_is_its_material(scene: Scene, materials: MaterialField) -> None:
     for chart in range(len(scene.charts)):
         colour, provenance = finish_chart(scene, materials, chart, known(scene, -1, bare(scene, 0), 0))
-        np.testing.assert_array_equal(colour, footed(scene, chart, materials.chart_raster(chart)))
+        np.testing.assert_array_equal(colour, materials.chart_raster(chart))
         assert (provenance == Provenance.MATERIAL).all()
 
 
@@ -91,7 +80,7 @@ def test_a_photo_stays_and_what_is_painted_beside_it_meets_it(scene: Scene, mate
     assert (colour[:, :40] == 160).all()
     assert (provenance[:, 40:] == Provenance.MATERIAL).all()
     plain, _ = finish_chart(scene, materials, chart, read, FinishSettings(levelling=False))
-    np.testing.assert_array_equal(plain[:, 40:], footed(scene, chart, materials.chart_raster(chart))[:, 40:])
+    np.testing.assert_array_equal(plain[:, 40:], materials.chart_raster(chart)[:, 40:])
     step = [abs(found[:, 40:46].astype(float).mean() - 160) for found in (plain, colour)]
     assert step[1] < 0.35 * step[0]
     far = slice(150, None)
@@ -140,7 +129,7 @@ def test_a_picture_of_the_ground_goes_on_by_example_and_fades_into_the_material(
     assert (provenance[20:-20, 120 : last - 2] == Provenance.INPAINTED).all()
     assert (provenance[:, last + 2 :] < Provenance.INPAINTED).all()
     painted = materials.chart_raster(chart)
-    np.testing.assert_array_equal(colour[:, last + 2 :], footed(scene, chart, painted)[:, last + 2 :])
+    np.testing.assert_array_equal(colour[:, last + 2 :], painted[:, last + 2 :])
     edge = np.abs(colour[20:-20, last - 3].astype(float) - painted[20:-20, last - 3]).mean()
     assert edge < 0.5 * np.abs(stripes[20:-20, 0].astype(float) - painted[20:-20, last - 3]).mean()
 
