@@ -215,7 +215,7 @@ def read_swiss_street_photos(folder: str | Path) -> Iterator[LabelledFacade]:
         polygons: dict[int, list[JsonObject]] = {photo["id"]: [] for photo in record["images"]}
         for polygon in sorted(record["annotations"], key=lambda polygon: -polygon["area"]):
             polygons[polygon["image_id"]].append(polygon)
-    except (InputError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except (InputError, OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(
             f"{path}: not the polygons of the swiss set ({short_message(error)}); fetch the file again"
         ) from error

@@ -145,8 +145,10 @@ def test_tiles_stand_on_the_block(found: PublishedBlock, undisturbed: Run, tmp_p
     items = gpd.read_parquet(found.snapshot.items)
     assert items.xmin.min() - 0.001 < longitude < items.xmax.max() + 0.001
     assert items.ymin.min() - 0.001 < latitude < items.ymax.max() + 0.001
-    assert (path.parent / tileset["root"]["content"]["uri"]).is_file()
-    assert tileset["root"]["children"]
+    block, objects = tileset["root"]["children"]
+    assert (path.parent / block["content"]["uri"]).is_file()
+    assert (path.parent / objects["content"]["uri"]).is_file()
+    assert block["children"]
 
 
 @pytest.mark.parametrize("textures", [None, "factored"])

@@ -208,7 +208,8 @@ def test_a_tileset_of_a_city_is_whole_by_itself(export_once: Any, found: Publish
                 assert target.is_relative_to(folder)
                 assert target.is_file()
                 (waiting.append if target.suffix == ".json" else models.add)(target)
-    assert models == {path.resolve() for path in folder.rglob("*.glb")}
+    # neighbours of a block, which the city has itself, are tilesets that no other refers to
+    assert models == {path.resolve() for path in folder.rglob("*.glb") if path.name != "surroundings.glb"}
     centre, radius = np.array(root["root"]["boundingVolume"]["sphere"][:3]), root["root"]["boundingVolume"]["sphere"][3]
     for child in root["root"]["children"]:
         x, y, z, reach = child["boundingVolume"]["sphere"]

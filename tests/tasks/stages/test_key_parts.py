@@ -27,7 +27,7 @@ from facade_core.export.tiles.block_tiles import BlockTile
 from facade_core.imagery.poses.joint_refinement import PriorPose
 from facade_core.plan.ingest import BlockInputs, build_plan
 from facade_core.plan.plan import Plan
-from tasks.engine.inputs import differing_inputs, digest_inputs, join_key
+from tasks.engine.inputs import digest_inputs, join_key
 from tasks.engine.run import Run
 from tasks.stages.bundles.stage import bundle_inputs
 from tasks.stages.bundles.worker import BundlePanorama
@@ -39,6 +39,7 @@ from tasks.stages.shared.scene_view import store_charts
 from tasks.stages.surfaces.stage import surface_inputs
 from tasks.stages.textures.stage import texture_inputs
 from tasks.stages.tiles.stage import tile_inputs
+from tests.keys import differing_inputs
 from tests.settings import block_settings
 
 RUN = Run(
