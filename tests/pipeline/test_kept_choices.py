@@ -23,7 +23,7 @@ pytestmark = pytest.mark.long
 # A row of houses along one street, none touching another.
 HOUSES = {name: (13.0 * i, 5.0, 10.0, 2.8, 7.0 + i % 3) for i, name in enumerate("abcdef")}
 STREET = {"1": [(0, 0), (78, 0)]}
-EXEMPLARS = 7
+EXEMPLARS = 12
 
 
 @pytest.fixture(scope="module")

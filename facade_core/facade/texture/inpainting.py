@@ -137,7 +137,7 @@ def vote_across_bays(guide: UInt8Array, *, agreed: float) -> UInt8Array:
                 shift = middle - middles[k]
                 a, b = max(left, -shift), min(right, guide.shape[1] - shift)
                 votes[..., a:b] += shown[..., a + shift : b + shift]
-    cast = np.where(votes.any(0), votes, shown.sum(2)[..., None])
+    cast = np.where(votes.any(0), votes, shown.sum(2, dtype=np.int32)[..., None])
     voted = cast.argmax(0)
     split = cast.max(0) < agreed * cast.sum(0)
     return np.where(guide != UNKNOWN, guide, np.where(split, UNKNOWN, voted)).astype(np.uint8)

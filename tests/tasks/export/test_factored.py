@@ -64,8 +64,9 @@ def test_factored_tiles_share_pictures_and_have_a_flat_level_of_fewer_types(undi
         for child in tile.get("children", []):
             walk(child, folder)
 
-    walk(json.loads((made / "tileset.json").read_text())["root"], made)
-    assert set(tiles) == {path.name for path in (made / "tiles").glob("*.glb")}
+    block, objects = json.loads((made / "tileset.json").read_text())["root"]["children"]
+    walk(block, made)
+    assert {*tiles, Path(objects["content"]["uri"]).name} == {path.name for path in (made / "tiles").glob("*.glb")}
     far = [name for name in tiles if name.startswith("far")]
     assert far
     named: list[set[str]] = []
