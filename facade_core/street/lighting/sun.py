@@ -12,10 +12,11 @@ from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.settings import SUNLIGHT
 from facade_core.street.materials.settings import MATERIAL_FIELD
 
-# Linear light of a clear sky on level ground in the open, red, green and blue; shadows are cooler.
-CLEAR_SKY_LIGHT = np.array([0.92, 0.98, 1.08])
+# Linear light of a clear sky on level ground in the open, red, green and blue. With the sun's it is neutral where the sun is
+# 45 degrees high, as cameras balance white: shadows are bluish, and light that walls reflect makes up for it.
+CLEAR_SKY_LIGHT = np.array([0.89, 0.97, 1.13])
 # Linear light of the sun at normal incidence, on the same scale.
-SUN_LIGHT = np.array([2.6, 2.4, 2.05])
+SUN_LIGHT = np.array([2.50, 2.38, 2.15])
 
 
 def sky_light(sun: Sun | None) -> Float64Array:
