@@ -23,6 +23,7 @@ KNOWN_REASONS = (
     r"not installed; `make detect-setup` in Streetloom's folder installs them",
     r"no GeoVisio here",
     r"no network namespaces here",
+    r"no OpenBLAS for x86-64 here",
     r"PostgreSQL does not start as root",
     r"no disk of a size can be mounted here",
     r"no other user can be taken here",
