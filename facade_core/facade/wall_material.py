@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float64Array, UInt8Array
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, UInt8Array
 from facade_core.core.labels import FacadeClass
 
 # Smallest area of visible wall, square metres.
@@ -25,6 +26,8 @@ MIN_PATCHES = 4
 MIN_PEAK_RATIO = 8.0
 # Texels for each metre from which courses are visible.
 MIN_TEXELS_PER_METRE = 30.0
+# Weight of the mean colour of a wall where none is near.
+MEAN_WEIGHT = 1e-3
 
 
 class WallMaterial(NamedTuple):
@@ -61,6 +64,39 @@ def lit_colour(pixels: UInt8Array) -> Float64Array:
     low, high = np.quantile(light, LIT_QUANTILES)
     lit = (light >= low) & (light <= high)
     return np.asarray(np.median(pixels[lit if lit.any() else slice(None)].astype(np.float64), axis=0))
+
+
+def wall_colour_field(image: Float32Array, wall: Float32Array, sigma: float) -> Float32Array:
+    """Return the colour (h, w, 3) of the wall near every pixel, also where an element stands before it.
+
+    Parameters
+    ----------
+    image : (h, w, 3) float32.
+    wall : (h, w) float32 share of wall of each pixel.
+    sigma : deviation of the mean, pixels.
+    """
+    mean = np.average(image.reshape(-1, 3), axis=0, weights=wall.ravel() + MEAN_WEIGHT).astype(np.float32)
+    near, weight = (
+        cv2.GaussianBlur(one, (0, 0), sigma, borderType=cv2.BORDER_REPLICATE) for one in (image * wall[..., None], wall)
+    )
+    field: Float32Array = (near + MEAN_WEIGHT * mean) / (weight + MEAN_WEIGHT)[..., None]
+    return field
+
+
+def paint_plaster(shown: UInt8Array, colour: Float64Array, sigma: float, most: float) -> UInt8Array:
+    """Return (h, w, 3) plaster of a colour, as rough as a shown wall.
+
+    Parameters
+    ----------
+    shown : (h, w, 3) uint8 wall whose stripes and spots would repeat.
+    colour : (3,) 0..255.
+    sigma : largest grain, pixels.
+    most : greatest deviation of its light, grey levels.
+    """
+    light = shown.astype(np.float32).mean(axis=2)
+    rough = min(most, float(np.std(light - cv2.GaussianBlur(light, (0, 0), sigma))))
+    grain = rough * np.random.default_rng(0).standard_normal(light.shape)
+    return np.clip(np.rint(colour + grain[..., None]), 0, 255).astype(np.uint8)
 
 
 def _shows_courses(image: UInt8Array, is_wall: BoolArray, density: float) -> bool:

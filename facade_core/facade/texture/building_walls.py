@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from functools import lru_cache
 from itertools import pairwise
 
-import cv2
 import numpy as np
 import shapely
 from numpy.lib.stride_tricks import sliding_window_view
@@ -32,7 +31,7 @@ from facade_core.facade.texture.wall_floors import (
     shows_ground_floor,
     stack_floors,
 )
-from facade_core.facade.wall_material import lit_colour
+from facade_core.facade.wall_material import lit_colour, paint_plaster
 
 
 def compose_wall(
@@ -106,7 +105,7 @@ def compose_wall(
     lattice = Lattice(style.grid.rows, style.grid.columns + _bare_columns(style, plain))
     tiles = (source[0] * (wide + 2) + source[1]).astype(np.int32)
     image, labels = compose_tiles(style.image, style.labels, lattice, tiles, rows, columns, pixel / metres_per_pixel)
-    _even_out_bare_wall(stack, image, labels, rows, pixel)
+    _plaster_bare_wall(stack, image, labels, rows, pixel)
     _paint_coping(wall, stack[0], image, pixel)
     if is_front or (wall.is_corner and shows_ground_floor(style, stack[-1])):
         borders, scales = rows[ground.start : ground.stop + 1], (metres_per_pixel, pixel)
@@ -147,12 +146,12 @@ def _choose_tiles(
     return source
 
 
-def _even_out_bare_wall(
+def _plaster_bare_wall(
     stack: list[WallFloor], image: UInt8Array, labels: UInt8Array, rows: IntArray, pixel: float
 ) -> None:
-    """Leave of the bare wall above floors its grain alone, in the colour of the wall below it, in place.
+    """Plaster the bare wall above floors in the colour of the wall below it, on a ledge, in place.
 
-    It repeats a narrow pier, whose shade and remains of ornament would repeat too.
+    It repeats a narrow pier, whose shade and remains of ornament would repeat too; the ledge covers where ornament is cut.
     """
     for wall_floor, own in zip(stack, _floor_rows(stack), strict=True):
         if wall_floor.attic == 0:
@@ -162,10 +161,18 @@ def _even_out_bare_wall(
         wall = labels[beside] == FacadeClass.WALL
         if band.start == band.stop or not wall.any():
             continue
-        shown = image[band].astype(np.float32)
-        grain = shown - cv2.GaussianBlur(shown, (0, 0), FLOORS.grain_m / pixel)
-        plain = lit_colour(image[beside][wall]) + np.clip(grain, -FLOORS.max_grain, FLOORS.max_grain)
-        image[band], labels[band] = np.clip(np.rint(plain), 0, 255), FacadeClass.WALL
+        colour = lit_colour(image[beside][wall])
+        image[band] = paint_plaster(image[band], colour, FLOORS.grain_m / pixel, FLOORS.max_grain)
+        labels[band] = FacadeClass.WALL
+        _paint_ledge(image, colour, band.stop, pixel)
+
+
+def _paint_ledge(image: UInt8Array, colour: Float64Array, foot: int, pixel: float) -> None:
+    """Paint a ledge of a wall's colour (3,) that ends at a row, and its shadow, in place."""
+    high = max(1, round(FLOORS.coping_m / pixel))
+    image[max(0, foot - high) : foot] = np.minimum(colour / FLOORS.ledge_light, 255)
+    shadow = image[foot : foot + max(1, high // 2)]
+    shadow[:] = FLOORS.coping_light * shadow
 
 
 def _paint_coping(wall: FacadeWall, highest: WallFloor, image: UInt8Array, pixel: float) -> None:
@@ -378,12 +385,21 @@ def _blank_cells(
 def _bare_columns(style: ExemplarAnalysis, plain: int) -> tuple[int, int]:
     """Return the pixel columns (start, stop) of uniform bare wall on the plainest floor."""
     rows = style.grid.rows[3 * plain : 3 * plain + 4]
-    wall = (style.labels[rows[0] : rows[-1]] == FacadeClass.WALL).mean(axis=0)
     colours = [style.image[a:b].mean(axis=(0, 2)) for a, b in pairwise(rows)]
+    floor = slice(rows[0], rows[-1])
+    is_wall = style.labels[floor] == FacadeClass.WALL
+    usual = float(lit_colour(style.image[floor][is_wall]).mean()) if is_wall.any() else 0.0
+    wall = is_wall.mean(axis=0)
     best, found = -np.inf, (0, len(wall))
     bay = float(np.diff(style.structure.bay_cuts).mean())
     for width in sorted({min(len(wall), max(2, round(share * bay))) for share in BAYS.bare_width_shares}):
-        uneven = np.max([np.ptp(sliding_window_view(colour, width), axis=1) for colour in colours], axis=0)
+        uneven = np.max(
+            [
+                np.ptp(shown := sliding_window_view(colour, width), axis=1) + abs(shown.mean(axis=1) - usual)
+                for colour in colours
+            ],
+            axis=0,
+        )
         walled = sliding_window_view(wall, width).mean(axis=1)
         worth = width * walled**8 / (BAYS.negligible_unevenness + uneven)
         if worth.max() > best:

@@ -122,7 +122,9 @@ def fill_with_door(
 ) -> None:
     """Fill some rows and columns of a wall with a plain door, in place; parameters as of `paint_door`."""
     light = image[at].mean() / 150.0  # a door in a dark picture is dark
-    door = draw_plain_door(labels[at].shape, metres_per_pixel, rng)
+    (high, wide), leaves = labels[at].shape, 1 + int(labels[at].shape[1] * metres_per_pixel > ENTRANCES.max_leaf_m)
+    leaf = draw_plain_door((high, -(-wide // leaves)), metres_per_pixel, rng)
+    door = np.hstack([leaf, leaf[:, ::-1]])[:, :wide]
     image[at] = np.clip(np.rint(door * np.clip(light, 0.6, 1.15)), 0, 255).astype(np.uint8)
     labels[at] = FacadeClass.DOOR
 

@@ -14,9 +14,9 @@ from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.entrances import fill_with_door
 from facade_core.facade.texture.ground_units import arrange_units, compose_units, find_ground_units
 from facade_core.facade.texture.roof_removal import cut_off_roof
-from facade_core.facade.texture.settings import ENTRANCES, GROUND_FLOOR
-from facade_core.facade.wall_material import lit_colour
-from facade_core.parsing.floor_structure import FloorsAndBays, find_floors_and_bays
+from facade_core.facade.texture.settings import ENTRANCES, FLOORS, GROUND_FLOOR
+from facade_core.facade.wall_material import lit_colour, paint_plaster
+from facade_core.parsing.floor_structure import FloorsAndBays, find_floors_and_bays, spans_above_threshold
 
 
 def transplant_ground_floor(
@@ -110,16 +110,42 @@ def replace_ground_floor_by_windows(
     wide = np.diff(found.bays, axis=1)[:, 0]
     is_pair = wide > GROUND_FLOOR.max_door_bay * np.median(wide)  # windows without a pier between them
     bay = min(range(len(wide)), key=lambda number: (is_pair[number], abs(number - len(wide) // 2)))
-    middle, half = sum(found.bays[bay]) // 2, round(ENTRANCES.door_size_m[0] / 2 / metres_per_pixel)
-    columns = slice(max(found.bay_cuts[bay], middle - half), min(found.bay_cuts[bay + 1], middle + half))
-    top = max(found.ground_top, found.bottom - round(ENTRANCES.door_size_m[1] / metres_per_pixel))
-    reach = round(ENTRANCES.door_margin_m / metres_per_pixel)
-    _clear_bay(
-        new_image, new_labels, slice(found.ground_top, found.bottom), slice(*found.bay_cuts[bay : bay + 2]), reach
-    )
+    at = slice(found.ground_top, found.bottom), slice(*found.bay_cuts[bay : bay + 2])
     rng = np.random.default_rng(int(image.sum(dtype=np.uint64)))
-    fill_with_door(new_image, new_labels, (slice(top, found.bottom), columns), metres_per_pixel, rng)
+    _open_door(new_image[at], new_labels[at], sum(found.bays[bay]) // 2 - at[1].start, metres_per_pixel, rng)
     return new_image, new_labels
+
+
+def _open_door(
+    image: UInt8Array, labels: UInt8Array, middle: int, metres_per_pixel: float, rng: np.random.Generator
+) -> None:
+    """Lead the window of a bay down to the ground, with its surround, and set a door below its head, in place.
+
+    Parameters
+    ----------
+    image, labels : the bay of the ground floor.
+    middle : column of the middle of its opening; a bay without a window gets a door there.
+    """
+    wide, high = (round(side / metres_per_pixel) for side in ENTRANCES.door_size_m)
+    reach, foot = round(ENTRANCES.door_margin_m / metres_per_pixel), len(labels)
+    columns, head = slice(max(0, middle - wide // 2), middle + wide // 2), max(0, foot - high)
+    glass = labels == FacadeClass.WINDOW
+    if glass.any():
+        spans = spans_above_threshold(glass.mean(axis=0), 0.5 * float(glass.mean(axis=0).max()))
+        left, right = max(spans, key=lambda span: span[1] - span[0])
+        rows = np.flatnonzero(glass[:, left:right].any(axis=1))
+        spare = max(0, wide - reach - (right - left))  # a door is not as narrow as some windows
+        columns = slice(max(0, left - spare // 2), right + spare // 2)
+        jambs = np.r_[
+            max(0, columns.start - reach) : columns.start, columns.stop : min(columns.stop + reach, labels.shape[1])
+        ]
+        beside = np.arange(rows[0], max(rows[0] + 1, (rows[0] + rows[-1]) // 2))
+        below = np.arange(beside[-1] + 1, foot)
+        image[np.ix_(below, jambs)] = image[np.ix_(np.resize(np.append(beside[::-1], beside), len(below)), jambs)]
+        labels[np.ix_(below, jambs)] = FacadeClass.WALL
+        if head - rows[0] < ENTRANCES.min_fanlight_m / metres_per_pixel:
+            head = max(0, min(head, int(rows[0])))
+    fill_with_door(image, labels, (slice(head, foot), columns), metres_per_pixel, rng)
 
 
 def _clear_bay(image: UInt8Array, labels: UInt8Array, rows: slice, bay: slice, reach: int) -> None:
@@ -166,7 +192,9 @@ def _end_on_wall(
     for left, right in pairwise(cuts):
         _clear_bay(*wall, slice(None), slice(left, right), round(ENTRANCES.door_margin_m / metres_per_pixel))
     rows = np.resize(np.concatenate([np.arange(len(wall[1]))[::-1], np.arange(len(wall[1]))]), missing)
-    image[-missing:], labels[-missing:] = wall[0][rows], FacadeClass.WALL
+    colour, sigma = lit_colour(wall[0].reshape(-1, 3)), FLOORS.grain_m / metres_per_pixel
+    image[-missing:] = paint_plaster(wall[0][rows], colour, sigma, FLOORS.max_grain)
+    labels[-missing:] = FacadeClass.WALL
     return image, labels
 
 

@@ -55,8 +55,10 @@ class FloorSettings:
         width.
     max_floor_stretch : largest stretch of a floor over the exemplar's; beyond it the rest is bare wall.
     max_window_stretch : largest stretch of its windows.
-    coping_m, coping_light : height of the coping of a plain top, metres, and its light relative to the wall.
-    grain_m, max_grain : largest grain of bare wall, metres, and its largest difference in light.
+    coping_m, coping_light : height of the coping of a plain top and of a ledge, metres, and the light of the coping and of a
+        shadow relative to the wall.
+    ledge_light : light of a wall relative to its ledge.
+    grain_m, max_grain : largest grain of bare wall, metres, and its greatest deviation in light.
     max_ground_floor_m : greatest height of a ground floor, metres.
     max_window_share, max_window_loss : largest share of a floor that its windows take, unless they would lose more of their
         height than `max_window_loss`, a share of it.
@@ -71,8 +73,9 @@ class FloorSettings:
     max_window_stretch: float = 1.1
     coping_m: float = 0.12
     coping_light: float = 0.6
+    ledge_light: float = 0.92
     grain_m: float = 0.1
-    max_grain: float = 8.0
+    max_grain: float = 2.5
     max_ground_floor_m: float = 6.0
     max_window_share: float = 0.75
     max_window_loss: float = 0.1
@@ -84,11 +87,13 @@ FLOORS = FloorSettings()
 
 @dataclass(frozen=True, slots=True)
 class EntranceSettings:
-    """Doors of backs.
+    """Plain doors.
 
     Attributes
     ----------
-    door_size_m : width and height of a back door with its frame, metres.
+    door_size_m : width and height of a door with its frame, metres.
+    max_leaf_m : largest width of a leaf; a wider door has two.
+    min_fanlight_m : smallest height of an opening over a door, metres, that remains a window.
     frame_m : width of its frame, metres.
     door_margin_m : wall on either side of it, metres.
     frame_gains, pane_light : brightness of frames relative to the leaf, and of panes in grey levels.
@@ -97,6 +102,8 @@ class EntranceSettings:
     """
 
     door_size_m: tuple[float, float] = (1.02, 2.12)
+    max_leaf_m: float = 1.4
+    min_fanlight_m: float = 0.3
     frame_m: float = 0.07
     door_margin_m: float = 0.2
     frame_gains: tuple[float, float] = (0.72, 1.45)

@@ -1,7 +1,7 @@
 """Render a tiling: tiles are warped into their cells, and borders move to where neighbours agree.
 
 Detail changes from one tile to the next along a path of least difference, up to `max_seam_shift_px` off the cell's
-border. Colour (the low band after a blur) cross-fades over the border.
+border. The colour of the wall cross-fades over the border; elements stay as they are.
 """
 
 from __future__ import annotations
@@ -12,10 +12,12 @@ import cv2
 import numpy as np
 
 from facade_core.core.arrays import Float32Array, Float64Array, Int32Array, Int64Array, UInt8Array
+from facade_core.core.labels import FacadeClass
 from facade_core.core.numba_cache import njit
 from facade_core.core.types import Lattice
 from facade_core.facade.texture.seams import find_min_error_path
 from facade_core.facade.texture.settings import SYNTHESIS
+from facade_core.facade.wall_material import wall_colour_field
 
 # Cost of each pixel by which a path cuts off or adds to an element, beyond any difference of colour: no path does.
 _LABEL_COST = 1e12
@@ -55,20 +57,19 @@ def compose_tiles(
     across = len(source_columns) - 1
     shrink_y = _typical_scale(np.diff(rows)[:, None], np.diff(source_rows)[tiles // across])
     shrink_x = _typical_scale(np.diff(columns)[None, :], np.diff(source_columns)[tiles % across])
+    wall = (labels == FacadeClass.WALL).astype(np.float32)
     if min(shrink_y, shrink_x) < 0.95:  # area filtering first, so that the bilinear warp works near scale 1
         height, width = image.shape[:2]
         small = max(4, round(height * min(1.0, shrink_y))), max(4, round(width * min(1.0, shrink_x)))
         image = np.asarray(cv2.resize(image, small[::-1], interpolation=cv2.INTER_AREA), image.dtype)
+        wall = np.asarray(cv2.resize(wall, small[::-1], interpolation=cv2.INTER_AREA), np.float32)
         source_rows, source_columns = source_rows * small[0] / height, source_columns * small[1] / width
     colour = image.astype(np.float32)
     where = (source_rows, source_columns, tiles, rows, columns)
     reach = max(1, round(SYNTHESIS.max_seam_shift_px / reduction))
     right_start, lower_start = _find_seam_paths(colour, labels, *where, full_rows, full_columns, reach)
     cell = _assign_cells(right_start, lower_start, rows, columns)
-    low: Float32Array = np.asarray(
-        cv2.GaussianBlur(colour, (0, 0), SYNTHESIS.band_sigma_px / reduction, borderType=cv2.BORDER_REPLICATE),
-        np.float32,
-    )
+    low = wall_colour_field(colour, wall, SYNTHESIS.band_sigma_px / reduction)
     out = _render_faded(low, *where, max(1, round(SYNTHESIS.fade_px / reduction))) + _render_cells(
         colour - low, cell, *where
     )
