@@ -96,7 +96,8 @@ def paint_plaster(shown: UInt8Array, colour: Float64Array, sigma: float, most: f
     light = shown.astype(np.float32).mean(axis=2)
     rough = min(most, float(np.std(light - cv2.GaussianBlur(light, (0, 0), sigma))))
     grain = rough * np.random.default_rng(0).standard_normal(light.shape)
-    return np.clip(np.rint(colour + grain[..., None]), 0, 255).astype(np.uint8)
+    plaster: UInt8Array = np.clip(np.rint(colour + grain[..., None]), 0, 255).astype(np.uint8)
+    return plaster
 
 
 def _shows_courses(image: UInt8Array, is_wall: BoolArray, density: float) -> bool:

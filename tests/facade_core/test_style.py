@@ -225,7 +225,10 @@ def test_a_picture_without_its_ground_floor_gets_one_with_a_door() -> None:
     rows = slice(0, found.ground_top)
     image, labels = replace_ground_floor_by_windows(painted.image[rows], painted.labels[rows], 0.05)
     lowest = slice(found.floor_cuts[-3], found.ground_top)
-    assert (labels[-1] == FacadeClass.DOOR).sum() * 0.05 == pytest.approx(1.02, abs=0.1)
+    door = np.flatnonzero(labels[-1] == FacadeClass.DOOR)
+    head = labels[: np.flatnonzero((labels == FacadeClass.DOOR).any(axis=1))[0], door]
+    assert (head[-1] == FacadeClass.WINDOW).mean() > 0.5, "in the opening of a window, whose head stays above it"
+    assert len(door) * 0.05 >= 0.8
     assert not (labels[: lowest.start] == FacadeClass.DOOR).any(), "no door above the ground"
     assert find_floors_and_bays(labels).kinds[-1] == "ground"
     np.testing.assert_array_equal(image[: lowest.start], painted.image[: lowest.start])

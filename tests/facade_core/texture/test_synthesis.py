@@ -63,6 +63,21 @@ def test_tiles_in_their_own_order_show_the_exemplar():
     np.testing.assert_allclose(own.astype(int), image, atol=1)
 
 
+def test_the_colour_of_walls_fades_over_a_border_and_no_window_shines_through():
+    image = np.full((40, 120, 3), 100, np.uint8)
+    image[:, 60:] = 140
+    labels = np.full((40, 120), FacadeClass.WALL, np.uint8)
+    image[10:30, 100:116], labels[10:30, 100:116] = 20, FacadeClass.WINDOW
+    shown, carried = compose_tiles(
+        image, labels, Lattice((0, 40), (0, 60, 120)), np.array([[1, 0]]), np.array([0, 40]), np.array([0, 60, 120])
+    )
+    window = carried == FacadeClass.WINDOW
+    assert window.sum() == 20 * 16
+    assert abs(shown[window].astype(int) - 20).max() <= 20, "it changes with the light of its wall alone"
+    assert 98 <= shown[~window].min() <= shown[~window].max() <= 142
+    assert np.abs(np.diff(shown[0, :, 0].astype(int))).max() < 10, "no edge"
+
+
 def test_cells_without_width_do_not_smear_the_others():
     """Piers of a pixel vanish beside a shop that fills the ground floor."""
     image = np.random.default_rng(0).integers(0, 256, (40, 60, 3), dtype=np.uint8)
