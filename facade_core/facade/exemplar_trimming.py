@@ -117,7 +117,7 @@ def find_whole_columns(labels: UInt8Array, structure: FloorsAndBays) -> tuple[in
     Parameters
     ----------
     labels : (h, w) uint8 class ids.
-    structure : its floors and bays, of which one remains at least.
+    structure : its floors and bays; at least one bay is kept.
 
     Returns
     -------

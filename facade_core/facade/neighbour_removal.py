@@ -43,7 +43,7 @@ MIN_FOREIGN_DIFFERENCE = 25.0
 MIN_FOREIGN_SHARE = 0.04
 MAX_SIDE_GAP_PX = 3
 MAX_FOREIGN_WIDTH = 0.1
-# Width of what is at a side, relative to that at the other, from which both are built, such as quoins.
+# Width of the strip at one side, relative to that at the other, from which both are ornament, such as quoins.
 MIN_SIDE_LIKENESS = 0.7
 # Bays that remain of a facade.
 MIN_BAYS = 2

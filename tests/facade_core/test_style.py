@@ -6,7 +6,6 @@ from dataclasses import fields, replace
 
 import cv2
 import numpy as np
-import pytest
 
 from benchmarks.painter.facade import paint_facade
 from facade_core.core.facade_styles import OTHER_STYLE

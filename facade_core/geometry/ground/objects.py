@@ -156,7 +156,7 @@ class _FreeGround:
         return replace(candidate, size=(crown, crown * depth / width, height))
 
     def _obstacles(self, candidate: _Candidate) -> shapely.STRtree:
-        """Return what an object stands clear of: walls, and what is driven on there."""
+        """Return the obstacles that an object keeps off: walls and roadways, or lanes for a parked car."""
         if candidate.kind.is_overhead:
             return self._walls
         is_parked = candidate.kind.name == "parked_car" and not candidate.is_stated

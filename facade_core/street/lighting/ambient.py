@@ -113,7 +113,7 @@ def _second_light(
 
 
 def _far_light(ahead: Float32Array, sky: Float64Array) -> Float64Array:
-    """Return the light (..., 3) of what is far away in directions (..., 3): sky, or ground in the open."""
+    """Return the light (..., 3) that rays without a hit in directions (..., 3) bring: of the sky, or of open ground."""
     return np.where(ahead[..., 2:] >= 0, sky, MATERIAL_FIELD.ground_albedo * sky)
 
 
