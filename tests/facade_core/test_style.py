@@ -234,7 +234,10 @@ def test_a_picture_without_its_ground_floor_gets_one_with_a_door() -> None:
     alone = np.zeros((60, 160), np.uint8)
     alone[10:30, 40:60] = alone[10:30, 100:120] = FacadeClass.WINDOW
     grey = np.full((60, 160, 3), 128, np.uint8)
-    assert (replace_ground_floor_by_windows(grey, alone, 0.05)[1][-1] == FacadeClass.DOOR).any(), "one floor"
+    _, two = replace_ground_floor_by_windows(grey, alone, 0.05)
+    only = find_floors_and_bays(alone).ground_top
+    np.testing.assert_array_equal(two[:only], alone[:only], "the only floor stays above it")
+    assert (two[-1] == FacadeClass.DOOR).any()
 
 
 def test_walls_of_one_exemplar_differ_by_house() -> None:

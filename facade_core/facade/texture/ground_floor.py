@@ -89,7 +89,7 @@ def replace_ground_floor_by_windows(
 ) -> tuple[UInt8Array, UInt8Array]:
     """Replace the whole ground floor of an exemplar by windows of an upper floor, with a plain door in a middle bay.
 
-    Where the picture cuts the ground floor off, the lowest floor is one.
+    Where the picture cuts the ground floor off, the lowest of several floors is one.
 
     Parameters
     ----------
@@ -100,13 +100,10 @@ def replace_ground_floor_by_windows(
     found = find_floors_and_bays(labels)
     if found is None:
         return image, labels
-    if not (found.kinds[-1] == "ground" or found.has_ground_band):
-        kinds = (*found.kinds[:-1], "ground") if "middle" in found.kinds[:-1] else found.kinds
-        found = replace(found, kinds=kinds, ground_top=found.floor_cuts[-2])
-    new_image, new_labels = image.copy(), labels.copy()
-    if found.ground_top > found.top:
-        new_image, new_labels = _show_windows(image, labels, found, metres_per_pixel)
-        found = replace(found, bottom=len(new_labels))
+    if "middle" in found.kinds[:-1] and not (found.kinds[-1] == "ground" or found.has_ground_band):
+        found = replace(found, kinds=(*found.kinds[:-1], "ground"), ground_top=found.floor_cuts[-2])
+    new_image, new_labels = _show_windows(image, labels, found, metres_per_pixel)
+    found = replace(found, bottom=len(new_labels))
     wide = np.diff(found.bays, axis=1)[:, 0]
     is_pair = wide > GROUND_FLOOR.max_door_bay * np.median(wide)  # windows without a pier between them
     bay = min(range(len(wide)), key=lambda number: (is_pair[number], abs(number - len(wide) // 2)))
