@@ -17,6 +17,7 @@ from facade_core.facade.exemplar_quality import ExemplarQuality, judge_exemplar
 from facade_core.facade.exemplar_trimming import trim_to_facade
 from facade_core.facade.facade import Facade, time_stage
 from facade_core.facade.photo_facade import NO_DOORS, complete_observed_photo, observe_photo
+from facade_core.facade.texture.entrances import lengthen_doors
 from facade_core.facade.texture.scale import exemplar_scale
 from facade_core.imagery.rectify.building_crop import crop_to_facade
 from facade_core.imagery.rectify.level_lines import find_slope
@@ -117,6 +118,7 @@ def prepare_exemplar(
         raise ImageError("no windows are found in it, of which walls could be made; replace or remove it")
     with time_stage(seconds, "scale"):
         scale = exemplar_scale(completed, labels, storey=floor_height)
+    completed, labels = lengthen_doors(completed, labels, doubtful, scale)
     shaded = shadow_share(measured, classes)
     with time_stage(seconds, "judge"):
         quality = judge_exemplar(completed, labels, doubtful, scale, shaded)

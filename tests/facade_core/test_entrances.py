@@ -13,6 +13,7 @@ from benchmarks.painter.facade import paint_facade as paint
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Building, IngestSettings, Street
 from facade_core.facade.texture.building_walls import compose_wall
+from facade_core.facade.texture.entrances import lengthen_doors
 from facade_core.facade.texture.ground_floor import replace_ground_floor_by_windows
 from facade_core.facade.texture.retargeting import ExemplarAnalysis, analyse_exemplar
 from facade_core.facade.texture.wall_floors import FacadeWall
@@ -159,3 +160,23 @@ def test_entrances_of_a_map_are_told_by_wall(plan: Plan) -> None:
     front, back = sorted(told.values(), key=len, reverse=True)
     assert front == pytest.approx((3.0, 9.0)) or front == pytest.approx((7.5, 13.5))
     assert len(back) == 1
+
+
+def test_a_door_whose_foot_is_hidden_is_stretched_from_what_is_seen_of_it() -> None:
+    labels = np.full((80, 60), FacadeClass.WALL, np.uint8)
+    labels[30:, 20:40] = FacadeClass.DOOR
+    image = np.full((80, 60, 3), 200, np.uint8)
+    image[30:, 20:40] = 60
+    image[60:, 10:50] = (255, 0, 255)
+    hidden = (image == (255, 0, 255)).all(axis=2)
+    longer, carried = lengthen_doors(image, labels, hidden, MPP)
+    np.testing.assert_array_equal(carried, labels)
+    assert (longer[30:, 20:40] == 60).all()
+    assert (longer[30:, 17:20] == 200).all(), "with its surround"
+    np.testing.assert_array_equal(longer[:30], image[:30])
+    hidden[40:60, 20:40] = True
+    plain, carried = lengthen_doors(image, labels, hidden, MPP)
+    np.testing.assert_array_equal(carried, labels)
+    assert not (plain[30:, 20:40] == (255, 0, 255)).all(axis=2).any(), "nearly all of it is hidden"
+    seen, _ = lengthen_doors(image, labels, np.zeros_like(hidden), MPP)
+    np.testing.assert_array_equal(seen, image)

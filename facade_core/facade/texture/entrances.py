@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 
+import cv2
 import numpy as np
 import shapely
+from scipy import ndimage
 from shapely.geometry.base import BaseGeometry
 
 from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, UInt8Array
@@ -127,6 +129,39 @@ def fill_with_door(
     door = np.hstack([leaf, leaf[:, ::-1]])[:, :wide]
     image[at] = np.clip(np.rint(door * np.clip(light, 0.6, 1.15)), 0, 255).astype(np.uint8)
     labels[at] = FacadeClass.DOOR
+
+
+def lengthen_doors(
+    image: UInt8Array, labels: UInt8Array, hidden: BoolArray, metres_per_pixel: float
+) -> tuple[UInt8Array, UInt8Array]:
+    """Stretch what is seen of doors, with the wall beside them, over their hidden feet; a door that is mostly hidden is plain.
+
+    Parameters
+    ----------
+    image : (h, w, 3) uint8, completed.
+    labels : (h, w) uint8 class ids, completed.
+    hidden : (h, w) bool, inpainted pixels.
+    metres_per_pixel : scale of the picture.
+    """
+    image, labels = image.copy(), labels.copy()
+    parts, _ = ndimage.label(labels == FacadeClass.DOOR)
+    reach = round(ENTRANCES.door_margin_m / metres_per_pixel)
+    for number, (rows, columns) in enumerate(ndimage.find_objects(parts), start=1):
+        is_door = parts[rows, columns] == number
+        seen = np.flatnonzero((is_door & ~hidden[rows, columns]).sum(axis=1) >= 0.5 * is_door.sum(axis=1))
+        shown = int(seen[-1]) + 1 if len(seen) else 0
+        if is_door.sum() * metres_per_pixel**2 < ENTRANCES.min_door_m2 or shown == len(is_door):
+            continue
+        if shown < ENTRANCES.min_door_seen * len(is_door):
+            rng = np.random.default_rng(int(is_door.sum()))
+            fill_with_door(image, labels, (rows, columns), metres_per_pixel, rng)
+            continue
+        wide = slice(max(0, columns.start - reach), columns.stop + reach)
+        upper = slice(rows.start, rows.start + shown)
+        size = image[rows, wide].shape[1::-1]
+        image[rows, wide] = cv2.resize(image[upper, wide], size, interpolation=cv2.INTER_LINEAR)
+        labels[rows, wide] = cv2.resize(labels[upper, wide], size, interpolation=cv2.INTER_NEAREST)
+    return image, labels
 
 
 def draw_plain_door(shape: tuple[int, int], metres_per_pixel: float, rng: np.random.Generator) -> Float64Array:

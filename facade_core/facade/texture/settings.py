@@ -93,6 +93,8 @@ class EntranceSettings:
     ----------
     door_size_m : width and height of a door with its frame, metres.
     max_leaf_m : largest width of a leaf; a wider door has two.
+    min_door_m2, min_door_seen : smallest area of a door in a picture, square metres, and smallest share of its height that is
+        stretched over its hidden foot.
     min_fanlight_m : smallest height of an opening over a door, metres, that remains a window.
     frame_m : width of its frame, metres.
     door_margin_m : wall on either side of it, metres.
@@ -103,6 +105,8 @@ class EntranceSettings:
 
     door_size_m: tuple[float, float] = (1.02, 2.12)
     max_leaf_m: float = 1.4
+    min_door_m2: float = 0.8
+    min_door_seen: float = 0.4
     min_fanlight_m: float = 0.3
     frame_m: float = 0.07
     door_margin_m: float = 0.2
