@@ -15,7 +15,6 @@ import numpy as np
 from facade_core.export.pictures.rendering import encode_image, render_perspective
 from facade_core.export.pictures.views import choose_cameras, view_names
 from facade_core.geometry.scene import Scene
-from facade_core.street.lighting.contact_shadow import contact_light
 from facade_core.street.propagation.render import daylight_grey
 from tasks.publish.published_run import open_published_run
 
@@ -50,7 +49,7 @@ document.querySelector("input").addEventListener("input", drag);
 
 
 def bare(scene: Scene, chart: int) -> np.ndarray:
-    """The raster (h, w, 3) uint8 of a chart of nothing but geometry: grey by its slope, the sky that it sees, and its foot."""
+    """The raster (h, w, 3) uint8 of a chart of nothing but geometry: grey by its slope and the sky that it sees."""
     import cv2
 
     width, height = int(scene.placement.width[chart]), int(scene.placement.height[chart])
@@ -58,8 +57,7 @@ def bare(scene: Scene, chart: int) -> np.ndarray:
     daylight.compute([chart])
     rows, columns, first = int(daylight.rows[chart]), int(daylight.columns[chart]), int(daylight.start[chart])
     light = cv2.resize(daylight.light[first : first + rows * columns].reshape(rows, columns), (width, height))
-    left = contact_light(scene, chart)
-    grey = 255 * BARE * float(daylight_grey(normal)) * light.reshape(height, width) * (1.0 if left is None else left)
+    grey = 255 * BARE * float(daylight_grey(normal)) * light.reshape(height, width)
     return np.repeat(grey.astype(np.uint8)[..., None], 3, axis=2)
 
 

@@ -10,6 +10,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from facade_core.street.lighting.settings import TONE_CURVE
+
 _ACROSS, _DOWN = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F)
 _SEED, _MIX = np.uint64(0x165667B19E3779F9), np.uint64(0xD6E8FEB86659FD93)
 
@@ -91,3 +93,12 @@ def soffit(x: np.ndarray, y: np.ndarray, other: np.ndarray, seed: int) -> np.nda
 MATERIALS: dict[str, Callable[[np.ndarray, np.ndarray, np.ndarray, int], np.ndarray]] = {
     function.__name__: function for function in (asphalt, paving, roofing, tiling, plaster, glass, wood, soffit)
 }
+
+
+def camera_tones(exposure: np.ndarray) -> np.ndarray:
+    """Return the colours (..., 3) of exposures (..., 3) in 0..255 and above by the camera's curve."""
+    pivot, contrast, share = TONE_CURVE.pivot, TONE_CURVE.contrast, exposure / 255
+    grey = (share @ np.array([0.299, 0.587, 0.114]))[..., None]
+    shoulder = 1 - np.exp(-contrast * (grey - pivot) / (1 - pivot))
+    tone = np.where(grey < pivot, pivot * (grey / pivot) ** contrast, pivot + (1 - pivot) * shoulder)
+    return np.clip(255 * tone * (1 + TONE_CURVE.saturation * (share / np.maximum(grey, 1e-9) - 1)), 0, 255)

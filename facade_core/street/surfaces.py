@@ -17,7 +17,6 @@ from facade_core.geometry.overhead_view import AerialSampler, resample_aerial_to
 from facade_core.geometry.party_walls import find_enclosed_texels
 from facade_core.geometry.scene import Scene
 from facade_core.street.continuation import DecidedDifferences
-from facade_core.street.lighting.contact_shadow import contact_light
 from facade_core.street.lighting.facade_light import light_facade
 from facade_core.street.lighting.light import SceneLight
 from facade_core.street.materials.example_fill import fill_by_example
@@ -196,10 +195,6 @@ def _light_generated(
     """Light the generated texels of a chart by their provenance (h, w), in place; UNSEEN ones stay."""
     painted = (provenance > Provenance.UNSEEN) & (provenance <= Provenance.TRANSLATED)
     light.scene.lay(chart, colour, painted)
-    remaining = contact_light(scene, chart)
-    if remaining is not None:
-        darkened = painted & (remaining < 1)
-        colour[darkened] = (colour[darkened] * remaining[darkened][:, None] + 0.5).astype(np.uint8)
     is_synthesised = provenance == Provenance.SYNTHESISED
     if light.labels is None:
         light.scene.lay(chart, colour, is_synthesised)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.core.arrays import Float32Array, FloatArray, UInt8Array
+from facade_core.core.arrays import Float32Array, FloatArray, NumericArray, UInt8Array
 from facade_core.core.labels import FacadeClass
 from facade_core.export.lighting.settings import ALBEDO
 
@@ -52,12 +52,12 @@ def estimate_shading(colour: UInt8Array, labels: UInt8Array, density: float) -> 
     return np.broadcast_to(np.clip(field, ALBEDO.min_shading, ALBEDO.max_shading).astype(np.float32), labels.shape)
 
 
-def divide_light(colour: UInt8Array, light: FloatArray) -> UInt8Array:
+def divide_light(colour: NumericArray, light: FloatArray) -> UInt8Array:
     """Divide the light out of a colour.
 
     Parameters
     ----------
-    colour : (h, w, 3) uint8.
+    colour : (h, w, 3) in 0..255.
     light : (h, w) or (h, w, 3) factor.
 
     Returns

@@ -34,8 +34,7 @@ from facade_core.facade.wall_material import measure_wall_material
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.daylight import MIN_DAYLIGHT
 from facade_core.geometry.scene import Scene
-from facade_core.street.lighting.contact_shadow import contact_light
-from facade_core.street.lighting.light import SceneLight, interpolate_axis
+from facade_core.street.lighting.light import SceneLight, interpolate_axis, invert_tones
 from facade_core.street.materials.field_kernels import SurfaceMaterial
 from facade_core.street.materials.settings import MATERIAL_FIELD
 
@@ -119,13 +118,14 @@ class _ChartRelighter:
         """Compute the base colour (h, w, 3) uint8 of a chart.
 
         The base layer of synthesised texels has no light. For materials, the light of the block is computed again and
-        divided out; for photos, a smooth shading of the wall is divided out.
+        divided out, after the tone curve; for photos, a smooth shading of the wall is divided out.
         """
         inputs, (provenance, base_layer, labels) = self.inputs, self.inputs.texels(chart)
-        colour, shape = self.source.raster(chart), provenance.shape
-        light = np.ones((*shape, 1), np.float32)
+        stored, shape = self.source.raster(chart), provenance.shape
+        colour, light = stored.astype(np.float32), np.ones((*shape, 1), np.float32)
         painted = (provenance > Provenance.UNSEEN) & (provenance <= Provenance.TRANSLATED)
         if inputs.light is not None and painted.any():
+            colour = np.where(painted[..., None], invert_tones(stored), colour)
             light = np.where(painted[..., None], inputs.light.factor(chart), light)
         pictured = provenance > Provenance.SYNTHESISED
         if labels is not None and pictured.any():
@@ -169,9 +169,6 @@ class _ChartRelighter:
         has_relief = self.inputs.has_relief
         height = estimate_heights(coarse, surface.material, small, frames, density / 2, has_relief=has_relief)
         occlusion = self.sky_visibility(chart, half) * cavity_visibility(height, density / 2)
-        left = contact_light(self.scene, chart)
-        if left is not None:
-            occlusion = occlusion * downscale(np.ascontiguousarray(left, np.float32)[..., None], size)[..., 0]
         orm = np.stack([occlusion, surface.roughness, np.zeros(half, np.float32)], axis=-1)
         return PbrMaps(
             _to_uint8(normals_from_heights(height, density / 2, surface.slope) / 2 + np.float32(0.5)),

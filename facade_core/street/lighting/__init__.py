@@ -1,1 +1,1 @@
-"""Light and shadow in textures: sun, sky, contact shadows and facade relief."""
+"""Light and shadow in textures: sun, sky, reflections and facade relief."""

@@ -1,4 +1,4 @@
-"""Light on generated colours: sky, sun and reflections in linear light, then the exposure of a camera."""
+"""Light on generated colours: sky, sun and reflections in linear light, then the exposure and tone curve of a camera."""
 
 from __future__ import annotations
 
@@ -11,14 +11,16 @@ from facade_core.core.numba_cache import njit
 from facade_core.core.types import Sun
 from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.ambient import ambient_light
-from facade_core.street.lighting.contact_shadow import contact_light
-from facade_core.street.lighting.settings import SUNLIGHT
+from facade_core.street.lighting.settings import SUNLIGHT, TONE_CURVE
 from facade_core.street.lighting.sun import SUN_LIGHT, sunlight_share
 from facade_core.street.materials.settings import MATERIAL_FIELD
 
 # Charts whose light is kept: a chart and those beside it that it is levelled to.
 MAX_CACHED_CHARTS = 8
 NO_TONES = np.ones((1, 1), np.float32)
+_PIVOT, _CONTRAST, _SATURATION = TONE_CURVE.pivot, TONE_CURVE.contrast, TONE_CURVE.saturation
+# Shares of red, green and blue in the brightness of an encoded colour.
+_GREY = np.array([0.299, 0.587, 0.114])
 
 
 class SceneLight:
@@ -79,15 +81,14 @@ class SceneLight:
         apply_light(colour, where, size, ambient, share, sun, tones, where if has_tone is None else has_tone)
 
     def factor(self, chart: int) -> Float32Array:
-        """Return the factor (h, w, 3) by which the material of a chart is darker than in full light."""
+        """Return the factor (h, w, 3) by which the material of a chart is darker than in full light, before the tone curve."""
         light, share = self._light(chart)
         for axis, texels in enumerate(self._scene.placement.shape(chart)):
             light = interpolate_axis(light, axis, texels)
         if share.size:
             light = light + share[..., None] * _exposed(SUN_LIGHT, self.sun).astype(np.float32)
-        found = np.sqrt(light) * np.float32(MATERIAL_FIELD.typical_grey)
-        remaining = contact_light(self._scene, chart)
-        return found if remaining is None else found * remaining[..., None]
+        factor: Float32Array = np.sqrt(light) * np.float32(MATERIAL_FIELD.typical_grey)
+        return factor
 
 
 def _exposed(light: FloatArray, sun: Sun | None) -> Float64Array:
@@ -111,6 +112,24 @@ def _bilinear(grid: Float32Array, row: int, column: int, down: float, right: flo
     return light
 
 
+@njit(cache=True, inline="always")
+def _tone(value: float) -> float:
+    """Return the tone of a brightness, 1 where a camera without a curve shows white: a power, then an exponential shoulder."""
+    if value < _PIVOT:
+        return float(_PIVOT * (value / _PIVOT) ** _CONTRAST)
+    return float(_PIVOT + (1 - _PIVOT) * (1 - np.exp(_CONTRAST * (_PIVOT - value) / (1 - _PIVOT))))
+
+
+def invert_tones(colour: UInt8Array) -> Float32Array:
+    """Return the exposures (..., 3), in 0..255 and above, of the colours (..., 3) that `apply_light` writes."""
+    tone = np.clip(colour @ _GREY, 0.5, 254.5)[..., None] / 255
+    above = _PIVOT - (1 - _PIVOT) / _CONTRAST * np.log(np.minimum(1 - tone, 1 - _PIVOT) / (1 - _PIVOT))
+    grey = np.where(tone < _PIVOT, _PIVOT * (tone / _PIVOT) ** (1 / _CONTRAST), above)
+    exposure = grey + (colour / 255 - tone) * grey / tone / _SATURATION
+    found: Float32Array = np.maximum(255 * exposure, 0).astype(np.float32)
+    return found
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def apply_light(
     colour: UInt8Array,
@@ -122,7 +141,7 @@ def apply_light(
     tones: Float32Array,
     has_tone: BoolArray,
 ) -> None:
-    """Multiply colours by light, in place.
+    """Multiply colours by light and give them the tones of a photograph, in place.
 
     Parameters
     ----------
@@ -137,7 +156,7 @@ def apply_light(
     """
     height, width, top, left = size
     rows, columns, tall, wide = ambient.shape[0], ambient.shape[1], tones.shape[0], tones.shape[1]
-    has_sun, has_tones = sunlight.size > 0, tones.size > 1
+    has_sun, has_tones, exposure = sunlight.size > 0, tones.size > 1, np.empty(3)
     for row in range(where.shape[0]):
         share = (top + row + 0.5) / height
         v, w = share * (rows - 1), min(max(share * tall - 0.5, 0.0), tall - 1.0)
@@ -154,8 +173,13 @@ def apply_light(
                 x = min(max(share * wide - 0.5, 0.0), wide - 1.0)
                 x0 = min(int(x), wide - 2)
                 tone = _bilinear(tones, w0, x0, w - w0, x - x0)
+            grey = 0.0
             for band in range(3):
                 light = _bilinear(ambient[:, :, band], v0, u0, v - v0, u - u0) + sun[band] * direct
-                colour[row, column, band] = np.uint8(
-                    min(colour[row, column, band] * tone * np.sqrt(light) + 0.5, 255.0)
-                )
+                exposure[band] = colour[row, column, band] * tone * np.sqrt(light) / 255.0
+                grey += _GREY[band] * exposure[band]
+            brightness = _tone(grey)
+            gain = _SATURATION * brightness / max(grey, 1e-6)
+            for band in range(3):
+                shown = 255.0 * (brightness + gain * (exposure[band] - grey))
+                colour[row, column, band] = np.uint8(min(max(shown + 0.5, 0.0), 255.0))

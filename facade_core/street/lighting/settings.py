@@ -23,39 +23,15 @@ class AmbientSettings:
     """
 
     ambient_cell_m: float = 0.5
-    rays_per_place: int = 32
+    rays_per_place: int = 16
     occluder_range_m: float = 40.0
     last_light: float = 0.4
     noise: float = 0.5
-    denoising_rounds: int = 2
+    denoising_rounds: int = 3
     places_per_batch: int = 1 << 13
 
 
 AMBIENT = AmbientSettings()
-
-
-@dataclass(frozen=True, slots=True)
-class ContactShadowSettings:
-    """Shade where walls meet the ground.
-
-    Attributes
-    ----------
-    ground_loss, wall_loss : share of light lost at the line, on the ground and on the wall.
-    loss_decay_m : distance from the line over which the loss decays to a third.
-    contact_reach_m : distance from the line beyond which nothing is lost.
-    max_foot_gap_m : largest gap between a wall's foot and the ground.
-    line_fraction_bits : fraction bits of line coordinates.
-    """
-
-    ground_loss: float = 0.38
-    wall_loss: float = 0.24
-    loss_decay_m: float = 0.3
-    contact_reach_m: float = 1.2
-    max_foot_gap_m: float = 0.35
-    line_fraction_bits: int = 4
-
-
-CONTACT_SHADOW = ContactShadowSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +67,7 @@ class SunSettings:
     ----------
     exposure : exposure with a sun, relative to that under an overcast sky.
     disk_radius_deg, disk_rays : six times the sun's own radius, as through thin haze.
+    rim_rays : the outermost of these, which are cast first.
     sun_cell_m : spacing of the ray origins; light is linear between them.
     ray_lift_m : distance of ray origins from the surface.
     max_shadow_reach_m : occluders beyond this distance cast no shadow.
@@ -100,6 +77,7 @@ class SunSettings:
     exposure: float = 0.5
     disk_radius_deg: float = 1.6
     disk_rays: int = 9
+    rim_rays: int = 3
     sun_cell_m: float = 0.25
     ray_lift_m: float = 0.04
     max_shadow_reach_m: float = 150.0
@@ -107,3 +85,22 @@ class SunSettings:
 
 
 SUNLIGHT = SunSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class ToneCurveSettings:
+    """Tone curve of a camera: blacks and whites as in photographs.
+
+    Attributes
+    ----------
+    pivot : brightness that stays, as a share of white.
+    contrast : exponent of the tones below it, and slope at it.
+    saturation : factor of the difference of a colour from its grey.
+    """
+
+    pivot: float = 0.44
+    contrast: float = 1.55
+    saturation: float = 1.3
+
+
+TONE_CURVE = ToneCurveSettings()

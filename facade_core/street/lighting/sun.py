@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.core.arrays import Float32Array, Float64Array
+from facade_core.core.arrays import Float32Array, Float64Array, IntArray
 from facade_core.core.fixed_order import multiply_matrices
 from facade_core.core.types import Sun
 from facade_core.geometry.charts import Charts
@@ -78,11 +78,29 @@ def sunlight_share(scene: Scene, chart: int, sun: Sun) -> Float32Array:
     for first in range(0, rows, batch_rows):
         batch = slice(first, first + batch_rows)
         points = charts.points(chart, x[None, :], y[batch, None]) + SUNLIGHT.ray_lift_m * normal
-        rays = np.broadcast_to(towards, (*points.shape[:2], SUNLIGHT.disk_rays, 3))
-        depth, _ = scene.caster.cast(np.broadcast_to(points[:, :, None], rays.shape), rays)
-        visible_share[batch] = (depth > SUNLIGHT.max_shadow_reach_m).mean(axis=2)
+        visible_share[batch] = _visible_disk(scene, points.reshape(-1, 3), towards).reshape(-1, columns)
     resized = cv2.resize(visible_share, (columns * step, rows * step), interpolation=cv2.INTER_LINEAR)
     return cosine * resized.reshape(rows * step, columns * step)[:height, :width]
+
+
+def _visible_disk(scene: Scene, points: Float64Array, towards: Float64Array) -> Float64Array:
+    """Return the share (n,) of the rays (k, 3) to the sun's disk that nothing occludes at points (n, 3).
+
+    Where those to its rim agree, so do the others.
+    """
+
+    def count_free(origins: Float64Array, rays: Float64Array) -> IntArray:
+        shape = (len(origins), len(rays), 3)
+        depth, _ = scene.caster.cast(np.broadcast_to(origins[:, None], shape), np.broadcast_to(rays, shape))
+        count: IntArray = (depth > SUNLIGHT.max_shadow_reach_m).sum(axis=1)
+        return count
+
+    rim = SUNLIGHT.rim_rays
+    free = count_free(points, towards[-rim:])
+    share = free / rim
+    is_penumbra = (free > 0) & (free < rim)
+    share[is_penumbra] = (free[is_penumbra] + count_free(points[is_penumbra], towards[:-rim])) / len(towards)
+    return share
 
 
 def sun_in_chart_frame(charts: Charts, chart: int, sun: Sun) -> tuple[Float64Array, float]:

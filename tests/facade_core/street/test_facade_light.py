@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
-from benchmarks.materials.plain import noise
+from benchmarks.materials.plain import camera_tones, noise
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.labels import FacadeClass
 from facade_core.core.provenance import Provenance
@@ -18,7 +18,7 @@ from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.settings import DAYLIGHT
 from facade_core.street.lighting.ambient import ambient_light
-from facade_core.street.lighting.light import NO_TONES, SceneLight, apply_light
+from facade_core.street.lighting.light import NO_TONES, SceneLight, apply_light, invert_tones
 from facade_core.street.lighting.settings import AMBIENT
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.materials.settings import MATERIAL_FIELD, STAINS
@@ -165,14 +165,24 @@ def test_light_is_laid_over_as_numpy_does() -> None:
     light = np.stack([between(ambient[..., band], y * 2, x * 3) for band in range(3)], axis=2)
     light = np.sqrt(light + sun * sunlight[..., None])
     tone = np.where(wall, between(tones, y * 6 - 0.5, x * 9 - 0.5), 1)[..., None]
-    wanted = np.where(made[..., None], np.minimum(colour * tone * light, 255), colour)
+    wanted = np.where(made[..., None], camera_tones(colour * tone * light), colour)
     whole = colour.copy()
     apply_light(whole, made, np.array([12, 17, 0, 0]), ambient, sunlight, sun, tones, wall)
     assert np.abs(wanted - whole).max() <= 0.5 + 1e-3
     part = colour[4:, 5:].copy()
     apply_light(part, made[4:, 5:], np.array([12, 17, 4, 5]), ambient, sunlight, sun, NO_TONES, wall[4:, 5:])
-    plain = np.where(made[..., None], np.minimum(colour * light, 255), colour)[4:, 5:]
+    plain = np.where(made[..., None], camera_tones(colour * light), colour)[4:, 5:]
     assert np.abs(plain - part).max() <= 0.5 + 1e-3
+
+
+def test_tones_are_inverted_and_have_blacks_and_whites() -> None:
+    exposures = np.arange(12, 236)[:, None] * np.array([1.1, 1.0, 0.8])
+    colours = camera_tones(exposures)
+    assert np.abs(invert_tones(np.round(colours).astype(np.uint8)) - exposures).max() < 4
+    assert colours[0].max() < 0.5 * exposures[0].max(), "blacks"
+    assert (np.diff(colours[:, 1]) > 0.25).all()
+    assert camera_tones(np.full(3, 400.0)).max() < 254, "white walls in the sun keep their texture"
+    assert (np.ptp(colours, axis=1) > np.ptp(colours, axis=1)[0]).sum() > 200, "and their colour"
 
 
 def test_what_is_a_picture_has_its_own_light_and_windows_have_no_stains(scene: Scene) -> None:

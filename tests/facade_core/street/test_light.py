@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
+from benchmarks.materials.plain import camera_tones
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.labels import FacadeClass
 from facade_core.core.provenance import Provenance
@@ -16,7 +17,6 @@ from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.ambient import ambient_light
-from facade_core.street.lighting.contact_shadow import contact_light
 from facade_core.street.lighting.light import SceneLight
 from facade_core.street.lighting.sun import sunlight_share
 from facade_core.street.materials.field import MaterialField
@@ -88,40 +88,6 @@ def test_walls_face_the_sun_or_not(scene: Scene) -> None:
     assert shade[2] > shade[0], "what is in the shade is lit by the sky"
 
 
-def test_ground_and_wall_are_darker_where_they_meet(scene: Scene) -> None:
-    light = []
-    for away in (0.1, 0.5, 2.0):
-        chart, texel = on_ground(scene, (10, -away))
-        left = contact_light(scene, chart)
-        assert left is not None
-        light.append(float(left[texel]))
-    assert 0.6 < light[0] < light[1] - 0.1 < light[2] - 0.1
-    assert light[2] == 1
-    for wall in np.flatnonzero(scene.charts.kind == ChartKind.WALL).tolist():
-        left = contact_light(scene, wall)
-        assert left is not None
-        assert left[-1].max() < 0.9
-        assert (left[: int(8 * DENSITY)] == 1).all()
-    assert all(
-        contact_light(scene, roof) is None for roof in np.flatnonzero(scene.charts.kind == ChartKind.ROOF).tolist()
-    )
-
-
-def test_pieces_of_the_ground_meet_with_one_light(scene: Scene) -> None:
-    """Beside the border of two pieces the line of a wall is as far away on both."""
-    ground = np.flatnonzero(scene.charts.kind == ChartKind.GROUND)
-    west = scene.charts.origin[ground, 0]
-    border = west[(west > -44) & (west < -26)]
-    assert len(border), "no border of pieces lies before a house"
-    values = []
-    for side in (-0.07, 0.07):
-        chart, texel = on_ground(scene, (float(border[0]) + side, -0.4))
-        left = contact_light(scene, chart)
-        assert left is not None
-        values.append(float(left[texel]))
-    assert values[0] == pytest.approx(values[1], abs=0.06)
-
-
 def test_photos_are_not_lit_and_materials_are_as_their_factor_says(scene: Scene) -> None:
     materials = MaterialField(scene, [STREET], seed=1).without_light()
     chart = int(np.flatnonzero(scene.charts.kind == ChartKind.WALL)[0])
@@ -143,7 +109,7 @@ def test_photos_are_not_lit_and_materials_are_as_their_factor_says(scene: Scene)
             assert (photo == 200).all()
         lit, _ = finish_chart(scene, materials, chart, known(Provenance.UNSEEN), light=ChartLight(light))
         expected = bare * light.factor(chart) / MATERIAL_FIELD.typical_grey
-        assert np.abs(lit - np.minimum(expected, 255)).max() <= 1.1
+        assert np.abs(lit - camera_tones(expected)).max() <= 1.6
 
 
 def test_courts_corners_and_feet_of_walls_are_darker_than_open_places() -> None:
