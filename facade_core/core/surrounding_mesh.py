@@ -18,6 +18,7 @@ class SurroundingMaterial(IntEnum):
 
     WALL = len(SURFACES)
     ROOF = len(SURFACES) + 1
+    WINDOW = len(SURFACES) + 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +30,7 @@ class SurroundingMesh:
     vertices : (v, 3) world metres.
     normal : (v, 3) outward unit vectors.
     material : (v,) index of SURFACES, or a SurroundingMaterial.
-    tint : (v, 3) stated colour, 0 to 255; all zeros where none is stated.
+    tint : (v, 3) stated colour, 0 to 255; all zeros where none is stated. The colour of windows.
     seed : (v,) number of the building, for colours that are not stated.
     triangles : (t, 3) vertex indices, counter-clockwise as seen from outside.
     """

@@ -46,7 +46,7 @@ def wall_outline_and_free_part(charts: Charts, mesh: Mesh, chart: int) -> tuple[
     -------
     Polygons in the wall's frame, metres, x right and y down; openings of the source count as wall.
     """
-    whole, free = _outlines_and_free_parts(charts, mesh, np.array([chart]))
+    whole, free = wall_outlines_and_free_parts(charts, mesh, np.array([chart]))
     return whole[0], free[0]
 
 
@@ -59,12 +59,12 @@ def free_wall_shares(charts: Charts, mesh: Mesh) -> Float64Array:
     walls = np.flatnonzero((charts.kind == ChartKind.WALL) & (charts.size >= FACADE_WALLS.min_wall_m).all(axis=1))
     for first in range(0, len(walls), FACADE_WALLS.walls_per_batch):
         batch = walls[first : first + FACADE_WALLS.walls_per_batch]
-        whole, free = _outlines_and_free_parts(charts, mesh, batch)
+        whole, free = wall_outlines_and_free_parts(charts, mesh, batch)
         share[batch] = shapely.area(free) / np.maximum(shapely.area(whole), FACADE_WALLS.snap_m**2)
     return share
 
 
-def _outlines_and_free_parts(charts: Charts, mesh: Mesh, walls: Int64Array) -> tuple[ObjectArray, ObjectArray]:
+def wall_outlines_and_free_parts(charts: Charts, mesh: Mesh, walls: Int64Array) -> tuple[ObjectArray, ObjectArray]:
     """Return the outlines of walls (k,), and their parts without a neighbour's wall against them, in their frames."""
     own = _outlines_without_openings(charts, mesh, walls, walls)
     normal = charts.normals()

@@ -219,7 +219,7 @@ POSED_PICTURES = PosedPictureSettings()
 
 @dataclass(frozen=True, slots=True)
 class SurroundingSettings:
-    """Ground around a block.
+    """Ground and buildings around a block.
 
     Attributes
     ----------
@@ -227,12 +227,21 @@ class SurroundingSettings:
     ground_grid_m : step of the grid that the ground is cut on.
     tolerance_m : simplification of the outlines of its surfaces.
     seam_m : gap within the block's ground that is closed.
+    storey_m, bay_m : height of a storey, where no levels are stated, and width of a bay; each has a window.
+    window : left, top, right and bottom of a window as shares of its bay and storey.
+    pane_colours : colours of a pane at its top, in the shade of the wall, and at its bottom.
+    window_lift_m : distance of windows from the wall.
     """
 
     distance_m: float = 150.0
     ground_grid_m: float = 64.0
     tolerance_m: float = 0.3
     seam_m: float = 0.05
+    storey_m: float = 3.3
+    bay_m: float = 3.0
+    window: tuple[float, float, float, float] = (0.29, 0.2, 0.71, 0.7)
+    pane_colours: tuple[tuple[int, int, int], tuple[int, int, int]] = ((38, 42, 48), (92, 100, 108))
+    window_lift_m: float = 0.05
 
 
 SURROUNDINGS = SurroundingSettings()

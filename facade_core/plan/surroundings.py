@@ -10,7 +10,6 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import GeometryError
 from facade_core.core.name_hash import hash_name
 from facade_core.core.surrounding_mesh import NO_SURROUNDINGS, SurroundingMaterial, SurroundingMesh
@@ -28,24 +27,25 @@ from facade_core.geometry.ground.layers import (
 )
 from facade_core.geometry.ground.terrain import Terrain
 from facade_core.plan.settings import SURROUNDINGS
+from facade_core.plan.surrounding_windows import build_windows
 
 NO_TINT = (0, 0, 0)
+# In place of the row of a building.
+GROUND = -1
 
 
 @dataclass
 class _Pieces:
-    """Surfaces so far, with the seed, tints of walls and roofs, and material of the ground of each chart."""
+    """Surfaces so far, with the row of the building and the material of the ground of each chart."""
 
     charts: ChartBuilder = field(default_factory=ChartBuilder)
-    seed: list[int] = field(default_factory=list)
-    tints: list[tuple[tuple[int, int, int], tuple[int, int, int]]] = field(default_factory=list)
+    owner: list[int] = field(default_factory=list)
     surface: list[int] = field(default_factory=list)
 
-    def note_new(self, seed: int, wall: tuple[int, int, int], roof: tuple[int, int, int], surface: int) -> None:
+    def note_new(self, owner: int, surface: int = 0) -> None:
         """Note what the charts are that were added since the last call."""
-        count = len(self.charts) - len(self.seed)
-        self.seed += [seed] * count
-        self.tints += [(wall, roof)] * count
+        count = len(self.charts) - len(self.owner)
+        self.owner += [owner] * count
         self.surface += [surface] * count
 
 
@@ -69,22 +69,21 @@ def build_surroundings(
     if not neighbours:
         return NO_SURROUNDINGS
     pieces = _Pieces()
-    for building in neighbours:
+    for owner, building in enumerate(neighbours):
         # details of assumed roofs, such as chimneys, are left to the block's own buildings
         roof = building.roof and replace(building.roof, confidence=1.0)
         with suppress(GeometryError):
             target = SurfaceTarget(pieces.charts, 0, np.inf, SURROUNDINGS.ground_grid_m)
             add_building_charts(target, replace(building, roof=roof), terrain)
-        finish = building.finish
-        pieces.note_new(hash_name(building.id), finish.wall_colour or NO_TINT, finish.roof_colour or NO_TINT, 0)
+        pieces.note_new(owner)
     covered = _covered_ground(*block, footprints)
     around = covered.convex_hull.buffer(SURROUNDINGS.distance_m, join_style="mitre", mitre_limit=1.5)
     free = around.difference(shapely.union_all([covered, *(one.footprint for one in neighbours if not one.raised)]))
     for surface, part in _split_by_surface(ground, free):
         polygons = [one for one in shapely.get_parts(part) if one.geom_type == "Polygon" and one.area > 1.0]
         add_ground_charts(pieces.charts, polygons, terrain, SURROUNDINGS.ground_grid_m)
-        pieces.note_new(0, NO_TINT, NO_TINT, SURFACES.index(surface))
-    return _to_mesh(pieces)
+        pieces.note_new(GROUND, SURFACES.index(surface))
+    return _to_mesh(pieces, neighbours, terrain)
 
 
 def _covered_ground(charts: Charts, mesh: Mesh, footprints: Sequence[BaseGeometry]) -> BaseGeometry:
@@ -112,23 +111,18 @@ def _surface_of_layer(layer: int) -> str:
     return SURFACES[layer - (FIRST_PATH_LAYER if layer >= FIRST_PATH_LAYER else FIRST_AREA_LAYER)]
 
 
-def _to_mesh(pieces: _Pieces) -> SurroundingMesh:
+def _to_mesh(pieces: _Pieces, neighbours: Sequence[Building], terrain: Terrain) -> SurroundingMesh:
     charts, mesh = pieces.charts.build()
-    kind, (wall, roof) = charts.kind, np.array(pieces.tints, np.uint8).reshape(-1, 2, 3).swapaxes(0, 1)
-    is_ground = kind == ChartKind.GROUND
-    is_wall = kind == ChartKind.WALL
-    material = np.where(
-        is_ground,
-        np.array(pieces.surface, np.uint8),
-        np.where(is_wall, SurroundingMaterial.WALL, SurroundingMaterial.ROOF),
-    ).astype(np.uint8)
-    of = mesh.vertex_chart
-    normal: Float64Array = charts.normals()[of]
-    return SurroundingMesh(
-        mesh.vertices,
-        normal,
-        material[of],
-        np.where(is_wall[:, None], wall, roof)[of],
-        np.array(pieces.seed, np.int64)[of],
-        mesh.triangles,
-    )
+    owner, is_wall = np.array(pieces.owner, np.int64), charts.kind == ChartKind.WALL
+    material = np.where(is_wall, SurroundingMaterial.WALL, SurroundingMaterial.ROOF)
+    material = np.where(owner == GROUND, np.array(pieces.surface, np.uint8), material).astype(np.uint8)
+    # the last row is that of the ground
+    seed = np.array([*(hash_name(one.id) for one in neighbours), 0], np.int64)
+    tints = [[one.finish.wall_colour or NO_TINT, one.finish.roof_colour or NO_TINT] for one in neighbours]
+    tint = np.array([*tints, [NO_TINT, NO_TINT]], np.uint8)[owner, np.where(is_wall, 0, 1)]
+    normal, of = charts.normals(), mesh.vertex_chart
+    windows = build_windows(neighbours, owner, charts, mesh, terrain)
+    walls = SurroundingMesh(mesh.vertices, normal[of], material[of], tint[of], seed[owner][of], mesh.triangles)
+    joined = {key: np.concatenate([part, getattr(windows, key)]) for key, part in vars(walls).items()}
+    joined["triangles"][len(walls) :] += np.int32(len(walls.vertices))
+    return SurroundingMesh(**joined)

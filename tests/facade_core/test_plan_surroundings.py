@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 import shapely
 
 from facade_core.core.street_objects import NO_OBJECTS
@@ -58,6 +61,22 @@ def test_stated_colours_are_shown_and_without_neighbours_there_is_nothing() -> N
     red = surrounding_colours(mesh)[mesh.material == SurroundingMaterial.WALL]
     assert (red[:, 0] > 2 * red[:, 1:].max(axis=1)).all()
     assert surroundings() is NO_SURROUNDINGS
+
+
+def test_neighbours_have_a_window_for_each_bay_and_storey() -> None:
+    def windows(*neighbours: Building) -> np.ndarray:
+        mesh = surroundings(*neighbours)
+        return mesh.vertices[mesh.material == SurroundingMaterial.WINDOW].reshape(-1, 4, 3)
+
+    alone = windows(NEIGHBOUR)
+    columns, storeys = int(20 / SURROUNDINGS.bay_m), round(12 / SURROUNDINGS.storey_m)
+    assert len(alone) == 4 * columns * storeys
+    assert (alone[..., 2].min() > 2) & (alone[..., 2].max() < 14)
+    assert NEIGHBOUR.footprint.distance(shapely.multipoints(alone[:, 0, :2])) == pytest.approx(0.05)
+    beside = replace(NEIGHBOUR, id="m", footprint=shapely.box(100, 0, 120, 20), height=6.0)
+    # of two walls against each other, the higher one keeps the windows above the lower roof
+    assert len(windows(NEIGHBOUR, beside)) == 3 * columns * (storeys + 2) + columns * (storeys - 2)
+    assert not len(windows(replace(NEIGHBOUR, facade_style="warehouse")))
 
 
 def test_a_view_shows_what_is_nearer_than_the_block() -> None:
