@@ -17,18 +17,18 @@ from facade_core.street.lighting.sky import HORIZON_COLOUR
 
 
 class SurroundingView:
-    """Triangles of the surroundings of a block for rays, each of one colour."""
+    """Triangles of the surroundings of a block for rays, with colours of their corners."""
 
     def __init__(self, placed: PlacedObjects, around: SurroundingMesh) -> None:
         corners = [around.vertices[around.triangles]]
-        colours = [surrounding_colours(around)[around.triangles].mean(axis=1)]
+        colours = [surrounding_colours(around)[around.triangles]]
         for kind, variant, rows in placed.rows_by_model():
             model = build_object_model(kind, variant)
             corners.append(place_model(model, placed, kind, rows)[:, model.triangles].reshape(-1, 3, 3))
-            colours.append(np.tile(model.colour[model.triangles].mean(axis=1), (len(rows), 1)))
-        vertices = np.concatenate(corners).reshape(-1, 3)
-        count = len(vertices) // 3
-        self._colour = linear_to_srgb(np.concatenate(colours)).astype(np.float64)
+            colours.append(np.tile(model.colour[model.triangles], (len(rows), 1, 1)))
+        self._corners = np.concatenate(corners)
+        count, vertices = len(self._corners), self._corners.reshape(-1, 3)
+        self._colour = np.concatenate(colours).astype(np.float32)
         index = np.arange(3 * count, dtype=np.int32)
         self._caster = (
             RayCaster(Mesh(vertices, index.reshape(-1, 3), index[:count], np.repeat(index[:count], 3)))
@@ -62,7 +62,19 @@ class SurroundingView:
         distance, triangle = self._caster.cast(position, rays)
         is_covered: BoolArray = distance < depth
         share = (1 - np.exp(-distance[is_covered] / SKY_LOOK.haze_m))[:, None]
-        colour = self._colour[triangle[is_covered]] * (1 - share) + HORIZON_COLOUR * share
+        points = position + rays[is_covered] * distance[is_covered, None]
+        colour = self._interpolate(triangle[is_covered], points) * (1 - share) + HORIZON_COLOUR * share
         rgb[is_covered] = np.clip(colour + 0.5, 0, 255).astype(np.uint8)
         depth[is_covered], chart[is_covered] = np.inf, MISS
         return is_covered
+
+    def _interpolate(self, triangle: Int32Array, points: Float64Array) -> UInt8Array:
+        """Return the colours (n, 3) at points (n, 3) of triangles (n,)."""
+        a, b, c = self._corners[triangle].swapaxes(0, 1)
+        normal, apart = np.cross(b - a, c - a), points - a
+        area = np.maximum((normal * normal).sum(axis=1), 1e-12)
+        share = (
+            np.stack([np.cross(apart, c - a), np.cross(b - a, apart)], axis=1) @ normal[..., None] / area[:, None, None]
+        )
+        share = np.clip(np.concatenate([1 - share.sum(axis=1, keepdims=True), share], axis=1), 0, 1)
+        return linear_to_srgb((self._colour[triangle] * share).sum(axis=1))

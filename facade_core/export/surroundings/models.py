@@ -1,4 +1,4 @@
-"""Models of street objects: procedural meshes of at most a few hundred triangles with colours of vertices.
+"""Models of street objects: procedural meshes of at most 850 triangles with colours of vertices.
 
 x runs along the front, y ahead of it, z up, in metres around the middle of the foot.
 """
@@ -23,7 +23,6 @@ _LAMP = (236, 230, 208)
 _LEAVES: tuple[Colour, ...] = ((88, 108, 56), (104, 120, 64), (74, 98, 52), (112, 118, 58))
 _NEEDLES: tuple[Colour, ...] = ((52, 76, 52), (62, 84, 58))
 _PAINTS: tuple[Colour, ...] = ((150, 154, 160), (54, 62, 78), (132, 42, 38))
-_LEAFY = ("tree", "conifer", "hedge")
 # Light of the sky on a surface that faces up, to the side and down: what unlit models show of it.
 _SKY_LIGHT = (1.0, 0.78, 0.5)
 
@@ -46,11 +45,8 @@ class ObjectModel:
     triangles: Int64Array
 
 
-# Share by which the tones of leaves differ from triangle to triangle.
-_LEAF_TONES = 0.45
-
-# Triangles (t, 3, 3) with normals (t, 3, 3) and a colour.
-_Part = tuple[Float64Array, Float64Array, Colour]
+# Triangles (t, 3, 3) with normals (t, 3, 3) and their colour, or colours of corners (t, 3, 3), 0 to 255.
+_Part = tuple[Float64Array, Float64Array, Colour | Float64Array]
 
 
 @lru_cache(maxsize=64)
@@ -59,11 +55,8 @@ def build_object_model(kind: ObjectKind, variant: int) -> ObjectModel:
     parts = _BUILDERS[kind.name](kind, variant)
     corners = np.concatenate([part[0] for part in parts]).reshape(-1, 3)
     normals = np.concatenate([part[1] for part in parts]).reshape(-1, 3)
-    paints = srgb_to_linear(np.array([colour for *_, colour in parts], np.uint8)).astype(np.float64)
-    colours = paints.repeat([3 * len(part) for part, *_ in parts], axis=0)
-    if kind.name in _LEAFY:
-        tones = 1 + _LEAF_TONES * (np.random.default_rng(variant).random(len(corners) // 3) - 0.5)
-        colours *= np.repeat(tones, 3)[:, None]
+    paints = np.concatenate([np.broadcast_to(colour, part.shape) for part, _, colour in parts]).reshape(-1, 3)
+    colours = srgb_to_linear(np.clip(paints, 0, 255).astype(np.uint8)).astype(np.float64)
     rows = np.round(np.column_stack([corners, normals, colours * sky_light(normals)[:, None]]), 5)
     unique, index = np.unique(rows, axis=0, return_inverse=True)
     return ObjectModel(unique[:, :3], unique[:, 3:6], unique[:, 6:], index.reshape(-1, 3).astype(np.int64))
@@ -116,81 +109,92 @@ def _tube(foot: Sequence[float], top: Sequence[float], radii: tuple[float, float
     return _flat(np.concatenate(faces), colour)
 
 
-def _blob(middle: Sequence[float], radii: Sequence[float], seed: int, colour: Colour) -> _Part:
-    """Return an uneven ellipsoid of 80 triangles with smooth normals, its leaves darker below."""
-    corners, faces = _sphere()
-    dents = 1 + 0.22 * (np.random.default_rng(seed).random(len(corners)) - 0.5)
-    points = corners * dents[:, None] * radii + middle
-    normal = corners / np.array(radii)
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    return points[faces], normal[faces], colour
+def _leaves(points: Float64Array, out: Float64Array, side: float, colour: Colour, seed: int) -> _Part:
+    """Return pieces of leaves at points (n, 3) that look about outward (n, 3), lighter above."""
+    random = np.random.default_rng(seed)
+    tilt = _unit(out + 0.8 * _unit(random.normal(size=out.shape)))
+    right = _unit(np.cross(tilt, random.normal(size=out.shape)))
+    up = np.cross(tilt, right)
+    reach = side * random.uniform(0.4, 0.75, (len(points), 1))
+    pieces = np.stack([points + reach * (np.cos(a) * right + np.sin(a) * up) for a in 2 * np.pi / 3 * np.arange(3)], 1)
+    return _tint(pieces, np.repeat(out[:, None], 3, axis=1), colour, 0.16 * random.random((len(points), 1, 1)))
+
+
+def _tint(
+    triangles: Float64Array, normals: Float64Array, colour: Colour | Float64Array, lighter: Float64Array | float
+) -> _Part:
+    """Return leaves (t, 3, 3) whose colours are darker below."""
+    low, high = triangles[..., 2].min(), triangles[..., 2].max()
+    return triangles, normals, np.array(colour) * (0.66 + 0.4 * (triangles[..., 2:] - low) / (high - low) + lighter)
+
+
+def _unit(vectors: Float64Array) -> Float64Array:
+    units: Float64Array = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return units
 
 
 @lru_cache(maxsize=1)
-def _sphere() -> tuple[Float64Array, Int64Array]:
-    """Return the corners (42, 3) and triangles (80, 3) of an icosahedron, divided once."""
+def _icosahedron() -> Float64Array:
+    """Return the triangles (20, 3, 3) of an icosahedron of radius 1."""
     g = (1 + 5**0.5) / 2
-    corners = [(a, b * g, 0.0) for a in (-1.0, 1.0) for b in (-1.0, 1.0)]
-    points = np.array([np.roll(c, k) for k in range(3) for c in corners])
-    apart = np.linalg.norm(points[:, None] - points[None], axis=-1)
-    joined = np.isclose(apart, 2.0)
+    points = _unit(np.array([np.roll((a, b * g, 0.0), k) for k in range(3) for a in (-1.0, 1.0) for b in (-1.0, 1.0)]))
+    near = np.linalg.norm(points[:, None] - points, axis=2) < 1.1
     faces = [
-        (i, j, k)
-        for i in range(12)
-        for j in range(i + 1, 12)
-        for k in range(j + 1, 12)
-        if joined[i, j] and joined[j, k] and joined[i, k]
+        [i, j, k] for i in range(12) for j in range(i) for k in range(j) if near[i, j] and near[j, k] and near[i, k]
     ]
-    rows: list[Float64Array] = []
-    for face in faces:
-        a, b, c = points[list(face)]
-        if np.dot(np.cross(b - a, c - a), a + b + c) < 0:
-            b, c = c, b
-        ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
-        rows += [np.stack(three) for three in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
-    every = np.concatenate(rows)
-    every /= np.linalg.norm(every, axis=1, keepdims=True)
-    unique, index = np.unique(np.round(every, 6), axis=0, return_inverse=True)
-    return unique / np.linalg.norm(unique, axis=1, keepdims=True), index.reshape(-1, 3)
+    triangles = points[faces]
+    is_inward = np.linalg.det(triangles) < 0
+    triangles[is_inward] = triangles[is_inward][:, ::-1]
+    return triangles
+
+
+def _crown(lobes: Float64Array, leaves: int, side: float, colour: Colour, seed: int) -> list[_Part]:
+    """Return a crown of lobes (n, 6), their middles and radii: dark ones within, around them pieces of leaves."""
+    own = np.arange(9 * leaves) % len(lobes)
+    # an even sequence (Roberts 2018): no lobe is bare anywhere
+    up, turn, depth = np.outer([0.819173, 0.671044, 0.549700], np.arange(len(own)) // len(lobes) + seed + 0.5) % 1
+    level, turn = np.sqrt(1 - (2 * up - 1) ** 2), 2 * np.pi * turn
+    out = np.column_stack([level * np.cos(turn), level * np.sin(turn), 2 * up - 1])
+    points = lobes[own, :3] + lobes[own, 3:] * out * (0.85 + 0.15 * depth[:, None])
+    apart = np.linalg.norm((points[:, None] - lobes[:, :3]) / lobes[:, 3:], axis=2)
+    seen = np.flatnonzero((apart > 0.84).all(axis=1))[:leaves]
+    sphere = _icosahedron()
+    within = 0.84 * lobes[:, None, None, 3:] * sphere + lobes[:, None, None, :3]
+    normals = np.broadcast_to(sphere, within.shape)
+    dark = _tint(within.reshape(-1, 3, 3), normals.reshape(-1, 3, 3), colour, -0.15)
+    return [dark, _leaves(points[seen], _unit(out[seen] / lobes[own[seen], 3:]), side, colour, seed)]
 
 
 def _tree(kind: ObjectKind, variant: int) -> list[_Part]:
-    """Return a trunk with branches under a crown of clumps."""
+    """Return a trunk with branches under a crown of lobes."""
     random = np.random.default_rng(100 + variant)
     width, _, height = kind.size
     crown_foot = (0.28, 0.22, 0.33, 0.25)[variant]
     middle, half = height * (1 + crown_foot) / 2, height * (1 - crown_foot) / 2
     parts = [_tube((0, 0, 0), (0.05, 0.0, middle), (0.022 * height, 0.010 * height), 6, _BARK)]
-    turn0 = random.random() * 2 * np.pi
-    clumps = 4 + variant % 2
-    for k in range(clumps):
-        turn = turn0 + 2 * np.pi * k / clumps
-        reach, up = 0.22 * width, middle + half * (0.35 * random.random() - 0.3)
-        place = (reach * np.cos(turn), reach * np.sin(turn), up)
-        radius = 0.24 * width
-        leaves = _shade(_LEAVES[variant], 0.9 + 0.2 * random.random())
-        parts.append(_blob(place, (radius, radius, 0.62 * half), 10 * variant + k, leaves))
+    lobes = [(0, 0, height - 0.52 * half, 0.27 * width, 0.27 * width, 0.46 * half)]
+    count = 5 + variant % 2
+    turns = 2 * np.pi * (random.random() + np.arange(count) / count)
+    for turn in turns.tolist():
+        reach, radius = width * random.uniform(0.2, 0.26), width * random.uniform(0.17, 0.21)
+        place = (reach * np.cos(turn), reach * np.sin(turn), middle + half * random.uniform(-0.45, 0.2))
+        lobes.append((*place, radius, radius, half * random.uniform(0.36, 0.5)))
         parts.append(_tube((0, 0, 0.8 * crown_foot * height), place, (0.010 * height, 0.004 * height), 3, _BARK))
-    top = _blob((0, 0, height - 0.55 * half), (0.3 * width, 0.3 * width, 0.55 * half), 50 + variant, _LEAVES[variant])
-    return [*parts, top]
+    return [*parts, *_crown(np.array(lobes), 600, 0.098 * width, _LEAVES[variant], 10 * variant)]
 
 
 def _conifer(kind: ObjectKind, variant: int) -> list[_Part]:
     """Return a trunk with layers of needles."""
+    random = np.random.default_rng(200 + variant)
     width, _, height = kind.size
     parts = [_tube((0, 0, 0), (0, 0, 0.4 * height), (0.018 * height, 0.012 * height), 6, _BARK)]
-    layers = 5 + variant
-    for k in range(layers):
-        low = height * (0.12 + 0.8 * k / layers)
-        radius = width / 2 * (1 - 0.82 * k / layers)
-        needles = _shade(_NEEDLES[variant], 0.92 + 0.04 * k)
-        parts.append(_tube((0, 0, low), (0, 0, min(height, low + 0.3 * height)), (radius, 0.02), 9, needles))
-    return parts
-
-
-def _shade(colour: Colour, factor: float) -> Colour:
-    red, green, blue = (min(255, round(value * factor)) for value in colour)
-    return red, green, blue
+    dark = _tube((0, 0, 0.14 * height), (0, 0, 0.97 * height), (0.32 * width, 0.02), 9, _NEEDLES[variant])
+    share, turn = 1 - np.sqrt(random.random(480)), 2 * np.pi * random.random(480)
+    # whorls of branches
+    radius = (width / 2 - 0.35) * (1 - share) * (0.72 + 0.28 * np.abs(np.sin((5 + variant) * np.pi * share)))
+    around = np.column_stack([np.cos(turn), np.sin(turn), np.full(len(turn), 0.35)])
+    points = np.column_stack([radius * np.cos(turn), radius * np.sin(turn), height * (0.12 + 0.84 * share)])
+    return [*parts, _tint(*dark, -0.15), _leaves(points, _unit(around), 0.13 * width, _NEEDLES[variant], 200 + variant)]
 
 
 def _street_lamp(kind: ObjectKind, variant: int) -> list[_Part]:
@@ -298,26 +302,17 @@ def _fence(kind: ObjectKind, variant: int) -> list[_Part]:
 
 
 def _hedge(kind: ObjectKind, variant: int) -> list[_Part]:
-    """Return a hedge whose ends meet those of its neighbours."""
+    """Return a hedge whose ends meet those of its neighbours: a block under leaves."""
     half, depth, height = kind.size[0] / 2, kind.size[1] / 2, kind.size[2]
-    random = np.random.default_rng(300 + variant)
-    across, up = (
-        np.array([-depth, -depth, -0.8 * depth, 0, 0.8 * depth, depth, depth]),
-        np.array([0, 0.45, 0.92, 1, 0.92, 0.45, 0]),
-    )
-    columns = 5
-    grid = np.empty((columns, len(across), 3))
-    for k, x in enumerate(np.linspace(-half, half, columns)):
-        dent = 1 + (0.14 * (random.random(len(across)) - 0.5) if 0 < k < columns - 1 else np.zeros(len(across)))
-        grid[k] = np.column_stack([np.full(len(across), x), across * dent, height * up * dent])
-    a, b, c, d = grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]
-    sides = np.concatenate([np.stack([a, c, b], 2).reshape(-1, 3, 3), np.stack([a, d, c], 2).reshape(-1, 3, 3)])
-    middle = np.array([(-half, 0, height / 2), (half, 0, height / 2)])
-    ends = [
-        np.stack([np.broadcast_to(middle[e], (6, 3)), grid[k, 1 - e : 7 - e], grid[k, e : 6 + e]], 1)
-        for e, k in ((0, 0), (1, -1))
-    ]
-    return [_flat(np.concatenate([sides, *ends])[:, [0, 2, 1]], _LEAVES[2 * variant])]
+    colour = _LEAVES[2 * variant]
+    triangles, normals, _ = _box((-half, -0.8 * depth, 0), (half, 0.8 * depth, 0.9 * height), colour)
+    along, share, place = np.random.default_rng(300 + variant).random((3, 480))
+    side = np.where(place < 0.3, 2 * share - 1, np.where(place < 0.65, -1.0, 1.0))  # of the top, and of two sides
+    up = np.where(place < 0.3, 0.92, 0.1 + 0.8 * share)
+    out = _unit(np.column_stack([0 * side, np.where(place < 0.3, 0, side), np.where(place < 0.3, 1, 0.3)]))
+    points = np.column_stack([(2 * along - 1) * 0.95 * half, 0.86 * depth * side, up * height])
+    leaves = _leaves(points, out, 0.18, colour, variant)
+    return [_tint(triangles, normals, colour, -0.08), leaves]
 
 
 _BUILDERS: Mapping[str, Callable[[ObjectKind, int], list[_Part]]] = {
