@@ -1,6 +1,8 @@
 """Views of a run without and with its objects and neighbours, drawn as the report draws its own.
 
-python -m benchmarks.street.around OUT [--pairs FOLDER --key FILE] [--sheet FILE]
+python -m benchmarks.street.around OUT [--without OTHER] [--pairs FOLDER --key FILE] [--sheet FILE]
+
+--without: views of another run of the block in place of those without, both with what stands around, as of `light: false`.
 
 --pairs: numbered pairs, without to the left or right by chance; the key says which. --sheet: some, without to the left.
 """
@@ -9,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -55,16 +58,16 @@ def _raise_camera(camera: PerspectiveCamera) -> PerspectiveCamera:
 
 
 def draw_pairs(
-    results: PublishedBlock, cameras: Sequence[PerspectiveCamera]
+    results: PublishedBlock, cameras: Sequence[PerspectiveCamera], other: PublishedBlock | None = None
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Yield the views (h, w, 3) of each camera without and with what stands around."""
+    """Yield the views (h, w, 3) of each camera without and with what stands around; or of another run and with it."""
     plan = results.plan
     around = SurroundingView(plan.objects, plan.surroundings)
     for camera in cameras:
         views = []
-        for shown in (None, around):
+        for run, shown in ((other or results, around if other else None), (results, around)):
             picture = cast_smooth_view(plan.scene, camera, samples=BLOCK_VIEWS.samples_per_pixel_side, around=shown)
-            rasters = ({chart: results.textured_mesh.raster(chart)} for chart in picture.visible_charts.tolist())
+            rasters = ({chart: run.textured_mesh.raster(chart)} for chart in picture.visible_charts.tolist())
             views.append(paint_view(picture, chain(rasters)))
         yield views[0], views[1]
 
@@ -80,22 +83,25 @@ def main() -> None:
 
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("out", type=Path)
+    parser.add_argument("--without", type=Path, metavar="OTHER")
     parser.add_argument("--pairs", type=Path)
     parser.add_argument("--key", type=Path)
     parser.add_argument("--sheet", type=Path)
     options = parser.parse_args()
-    with open_published_run(options.out) as results:
+    with ExitStack() as stack:
+        results = stack.enter_context(open_published_run(options.out))
+        other = stack.enter_context(open_published_run(options.without)) if options.without else None
         cameras = choose_cameras(options.out, results.plan.viewpoints)
         if options.sheet:
-            shown = draw_pairs(results, [cameras[number] for number in ON_SHEET])
+            shown = draw_pairs(results, [cameras[number] for number in ON_SHEET], other)
             drawn = Image.fromarray(np.concatenate([join_pair(*pair) for pair in shown]))
             drawn.resize((SHEET_WIDTH, round(drawn.height * SHEET_WIDTH / drawn.width))).save(
                 options.sheet, quality=78, optimize=True
             )
         elif options.pairs:
             options.pairs.mkdir(parents=True, exist_ok=True)
-            is_turned = np.random.default_rng(SEED).random(PAIRS) < 0.5
-            pairs = draw_pairs(results, cameras)
+            is_turned = np.random.default_rng([SEED, other is not None]).random(PAIRS) < 0.5
+            pairs = draw_pairs(results, cameras, other)
             for number, (pair, turn) in enumerate(zip(pairs, is_turned, strict=True), 1):
                 Image.fromarray(join_pair(*(pair[::-1] if turn else pair))).save(options.pairs / f"{number:02}.png")
             lines = [
