@@ -35,7 +35,7 @@ TURNED = 15.0
 # Pairs from above, their height over the street and how far ahead they look, metres.
 FROM_ABOVE, ABOVE_M, AHEAD_M = 6, 24.0, 45.0
 # Pairs on the sheet: trees, neighbours, and both from above.
-ON_SHEET, SHEET_WIDTH = (11, 13, 20, 22), 1000
+ON_SHEET, SHEET_WIDTH = (11, 13, 20, 22), 900
 
 
 def choose_cameras(out: Path, viewpoints: Sequence[Viewpoint]) -> list[PerspectiveCamera]:

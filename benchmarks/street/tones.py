@@ -21,7 +21,7 @@ from benchmarks.look.views import SIZE, render, street_cameras
 from tasks.export.lighting import relighting_inputs
 from tasks.publish.published_run import open_published_run
 
-VIEWS, SEED = 24, 24
+VIEWS, SEED = 24, 48
 PHOTOS = {"swiss": "streetphotos/swiss/train/*.jpg", "labelmefacade": "streetphotos/labelmefacade/images/*.jpg"}
 MAX_PHOTOS = 100
 DARKEST, LIGHTEST = 5, 95
