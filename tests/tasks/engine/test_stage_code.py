@@ -159,6 +159,7 @@ def test_one_thread_parses_at_a_time_and_without_the_garbage_collector(monkeypat
         return parse(source)
 
     monkeypatch.setattr(code_modules.ast, "parse", slow_parse)
+    monkeypatch.setattr(code_modules, "_kept_syntax", dict)
     with ThreadPoolExecutor(8) as threads:
         found = list(threads.map(lambda path: code_modules._parse_module("facade_core.m", path, -1), paths))
     assert [one.path for one in found] == paths
