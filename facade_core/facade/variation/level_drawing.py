@@ -32,8 +32,6 @@ def draw_level(hierarchy: Hierarchy, level: int) -> UInt8Array:
         return facade
     height, width = facade.shape[:2]
     tall = max(12, round(_INSET_SHARE * height))
-    # Representatives are shown as in level 0.
-    first = hierarchy.reconstruct(0)
     boxes = element_boxes(hierarchy.groups)[hierarchy.representatives]
     rows = [np.full((tall + 2 * _GAP_PX, width, 3), _BACKGROUND, np.uint8)]
     at = _GAP_PX
@@ -46,7 +44,7 @@ def draw_level(hierarchy: Hierarchy, level: int) -> UInt8Array:
             rows.append(np.full_like(rows[0], _BACKGROUND))
             at = _GAP_PX
         inset = rows[-1][_GAP_PX : _GAP_PX + tall, at : at + across]
-        inset[:] = cv2.resize(first[y0:y1, x0:x1], (across, tall), interpolation=cv2.INTER_AREA)
+        inset[:] = cv2.resize(hierarchy.photo[y0:y1, x0:x1], (across, tall), interpolation=cv2.INTER_AREA)
         share = counts[types == t][0] / counts.sum()
         rows[-1][_GAP_PX + tall : _GAP_PX + tall + 2, at : at + max(1, round(share * across))] = (180, 85, 45)
         at += across + _GAP_PX

@@ -60,7 +60,7 @@ def paint_photo_elements(
     changed = np.full(canvas.shape[:2], canvas is not photo)
     for group, first in order_by_depth(groups):
         here = np.flatnonzero((places >= first) & (places < first + len(group.boxes)))
-        if not (changed.any() or (places[here] != shown[here]).any()):
+        if not ((places[here] != shown[here]).any() or changed.any()):
             continue
         patches, seen, brightest = _visible_patches(photo, group, groups)
         fill = cache(partial(_fill_hidden_pixels, patches, seen, group))  # few walls need it
@@ -78,7 +78,7 @@ def paint_photo_elements(
             patch = crop_box(photo, group.boxes[other]) if alike or seen[other].all() else fill()[other]
             fade_patch(painted, patch * lit, (x0, y0, x1, y1))
             changed[within] |= not alike or changed[within].any()
-    return np.clip(painted.round(), 0, 255).astype(np.uint8)
+    return np.clip(np.rint(painted, out=painted), 0, 255, out=painted).astype(np.uint8)
 
 
 def _visible_patches(
