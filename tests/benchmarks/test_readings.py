@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from benchmarks.street.readings import Reading, View, blended
-from facade_core.street.propagation.blend import BlendState, add_views, blend_views
+from facade_core.street.propagation.blend import BlendState, blend_views
+from tests.facade_core.street.added_views import add_views
 
 TEXELS = 40
 

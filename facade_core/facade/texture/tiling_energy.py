@@ -257,16 +257,3 @@ def sum_costs(cost: Float64Array) -> float:
             for x in range(cost.shape[2]):
                 out += cost[term, y, x]
     return out
-
-
-def tiling_energy(tables: EnergyTables, tiles: Int32Array) -> float:
-    """Return Eq. 4 of a tiling: minus the log of the product of all constraint terms.
-
-    Parameters
-    ----------
-    tables : energy of pairs of tiles.
-    tiles : (M, N) int32 tile numbers.
-    """
-    cost = np.zeros((4, *tiles.shape))
-    update_costs(tables, cost, tiles, 0, tiles.shape[0], 0, tiles.shape[1])
-    return float(sum_costs(cost))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import cv2
 import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float64Array, Int64Array, IntArray, UInt8Array
@@ -57,8 +58,6 @@ def find_arched_heads(image: UInt8Array, boxes: IntArray) -> BoolArray:
     -------
     (N,) bool.
     """
-    import cv2
-
     if not len(boxes):
         return np.zeros(0, bool)
     x0, y0, x1, y1 = np.asarray(boxes, np.int64).T

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Int32Array, Int64Array, IntArray, UInt8Array, UInt16Array
+from facade_core.core.arrays import Int32Array, IntArray, UInt8Array, UInt16Array
 from facade_core.core.numba_cache import njit
 
 # Clamps of the blend weights.
@@ -23,7 +23,7 @@ MAX_UINT16_MM = 65_535
 
 
 class BlendState(NamedTuple):
-    """State of `total` texels, updated in place by `add_views`: 33 bytes each.
+    """State of `total` texels, updated in place by `add_view`: 33 bytes each.
 
     A texel without a proper view stores its fallback view in the same arrays: distance is the view's id + 1, or 0
     without any view; top_distance and top_colour hold it first.
@@ -106,25 +106,6 @@ def add_view(state: BlendState, t: int, d: int, proper: bool, view: int, rgb: In
     state.top_distance[t, place] = d
     for c in range(3):
         state.top_colour[t, place, c] = rgb[c]
-
-
-@njit(cache=True)
-def add_views(
-    state: BlendState, texel: Int64Array, d: Int64Array, proper: BoolArray, view: Int64Array, rgb: UInt8Array
-) -> None:
-    """Add views one by one.
-
-    Parameters
-    ----------
-    state : state of all texels, changed in place.
-    texel : (n,) index of the texel.
-    d : (n,) distance, millimetres.
-    proper : (n,) d is within the gate.
-    view : (n,) id of the viewpoint.
-    rgb : (n, 3) uint8 colour.
-    """
-    for i in range(len(texel)):
-        add_view(state, texel[i], d[i], proper[i], view[i], rgb[i])
 
 
 def blend_views(state: BlendState) -> tuple[UInt8Array, UInt16Array]:

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from facade_core.street.propagation.blend import BlendState, add_views, blend_views
+from facade_core.street.propagation.blend import BlendState, blend_views
+from tests.facade_core.street.added_views import add_views
 
 
 def direct(d: np.ndarray, rgb: np.ndarray, proper: np.ndarray, view: np.ndarray) -> np.ndarray:

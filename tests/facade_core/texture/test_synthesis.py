@@ -10,8 +10,21 @@ from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Lattice
 from facade_core.facade.texture.synthesis import cell_borders, evolve_random_tilings, synthesize, synthesize_on_lattice
 from facade_core.facade.texture.tile_composition import compose_tiles
-from facade_core.facade.texture.tiling_energy import TEMPLATE_ORDER, tabulate_energy, tiling_energy
+from facade_core.facade.texture.tiling_energy import (
+    TEMPLATE_ORDER,
+    EnergyTables,
+    sum_costs,
+    tabulate_energy,
+    update_costs,
+)
 from facade_core.parsing.lattice import lattice
+
+
+def tiling_energy(tables: EnergyTables, tiles: np.ndarray) -> float:
+    """Eq. 4 of a tiling: minus the log of the product of all constraint terms."""
+    cost = np.zeros((4, *tiles.shape))
+    update_costs(tables, cost, tiles, 0, tiles.shape[0], 0, tiles.shape[1])
+    return float(sum_costs(cost))
 
 
 def test_energy_equals_the_reference(facade):
