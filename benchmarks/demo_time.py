@@ -1,7 +1,8 @@
-"""Seconds of the whole demo, first run and compiled run, beside those of another revision.
+"""Seconds of the whole demo beside those of another revision, with their ratios.
 
-Both sides run `streetloom demo` as a user does, one after the other: with an empty cache of kernels, then with a full one.
-Wall time, processor seconds of all processes, memory of all at its peak, and seconds until the first picture.
+Both sides run `streetloom demo` as a user does, one after the other: with an empty cache of kernels, then with a full one,
+then `streetloom run` after one photo changed. Wall time, processor seconds of all processes, memory of all at its peak,
+and seconds until the first picture.
 
     python -m benchmarks.demo_time --before HEAD~10
 """
@@ -11,6 +12,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import shutil
 import subprocess
 import sys
 import time
@@ -19,6 +21,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import psutil
+from PIL import Image
 
 from benchmarks.process_usage import add_used, measure_family_mb, user_environment
 from benchmarks.same_bytes import ROOT, check_out
@@ -38,9 +41,9 @@ def measure(before: str | None) -> dict[str, Any]:
             check_out(before, folder / "checkout")
             sides["before"] = folder / "checkout"
         found: dict[str, Any] = {"load": [round(load, 1) for load in os.getloadavg()]}
-        for run in ("first", "compiled"):
+        for run in ("first", "compiled", "photo"):
             found[run] = {
-                side: _demo(checkout, folder / f"kernels-{side}", folder / f"{run}-{side}")
+                side: _time_run(checkout, folder / f"kernels-{side}", folder / side, change_photo=run == "photo")
                 for side, checkout in sides.items()
             }
             if before is not None:
@@ -51,12 +54,28 @@ def measure(before: str | None) -> dict[str, Any]:
     return found
 
 
-def _demo(checkout: Path, kernels: Path, out: Path) -> dict[str, float | None]:
+def _darken_photo(block: Path) -> None:
+    """Make the first photo of a block a little darker."""
+    photo = min((block.parent / "photos").iterdir())
+    with Image.open(photo) as image:
+        image.convert("RGB").point(lambda level: round(0.9 * level)).save(photo)
+
+
+def _time_run(checkout: Path, kernels: Path, out: Path, *, change_photo: bool) -> dict[str, float | None]:
+    """Run the demo anew into a folder, or again after one of its photos has changed."""
     settings = user_environment() | {"PYTHONPATH": str(checkout), "NUMBA_CACHE_DIR": str(kernels)}
+    command = ["demo"]
+    if change_photo:
+        block = out / "input" / "helsinki.yaml"
+        command = ["run", str(block)]
+        _darken_photo(block)
+        (out / PREVIEW).unlink(missing_ok=True)
+    else:
+        shutil.rmtree(out, ignore_errors=True)
     begun, picture, peak = time.time(), None, 0.0
     used: dict[int, tuple[str, float]] = {}
     with subprocess.Popen(
-        [sys.executable, "-m", "flows", "demo", "--out", str(out)],
+        [sys.executable, "-m", "flows", *command, "--out", str(out)],
         cwd=checkout,
         env=settings,
         stdout=subprocess.DEVNULL,
@@ -70,7 +89,7 @@ def _demo(checkout: Path, kernels: Path, out: Path) -> dict[str, float | None]:
                 picture = time.time() - begun
             time.sleep(INTERVAL)
     if process.returncode:
-        raise SystemExit(f"{checkout}: the demo ended with {process.returncode}")
+        raise SystemExit(f"{checkout}: `{command[0]}` ended with {process.returncode}")
     return {
         "seconds": round(time.time() - begun, 1),
         "processor": round(sum(seconds for _, seconds in used.values()), 1),

@@ -118,9 +118,25 @@ def _sample_bilinear(
 
 
 @njit(cache=True)
-def _sample_label(labels: UInt8Array, v: float, u: float) -> int:
-    """Return the class at a pixel position v, u counted from the picture's corner."""
-    return int(labels[min(max(int(v), 0), labels.shape[0] - 1), min(max(int(u), 0), labels.shape[1] - 1)])
+def _place_neighbours(
+    start: int, stop: int, cell: int, source: Float64Array, borders: Int64Array, tile: int, size: int
+) -> tuple[Int64Array, Float32Array]:
+    """Return `_find_neighbours` of the positions from `start` to `stop` that a cell shows along an axis of `size` pixels."""
+    first, share = np.empty(stop - start, np.int64), np.empty(stop - start, np.float32)
+    for k in range(stop - start):
+        first[k], share[k] = _find_neighbours(_exemplar_position(start + k, cell, source, borders, tile), size)
+    return first, share
+
+
+@njit(cache=True)
+def _place_labels(
+    start: int, stop: int, cell: int, source: Float64Array, borders: Int64Array, tile: int, size: int
+) -> Int64Array:
+    """Return the pixels at the positions from `start` to `stop` that a cell shows along an axis of `size` pixels."""
+    at = np.empty(stop - start, np.int64)
+    for k in range(stop - start):
+        at[k] = min(max(int(_exemplar_position(start + k, cell, source, borders, tile)), 0), size - 1)
+    return at
 
 
 @njit(cache=True)
@@ -160,31 +176,31 @@ def _find_seam_paths(
                 reach = min(most, limit)
                 error = np.empty((length, 2 * reach + 1))
                 differs = np.empty(2 * reach + 1, np.bool_)
+                top, foot = (y0, y1) if side == 0 else (y1 - reach, y1 + reach + 1)
+                left, right = (x1 - reach, x1 + reach + 1) if side == 0 else (x0, x1)
+                own_row, own_fv = _place_neighbours(top, foot, m, source_rows, rows, i, high)
+                own_column, own_fu = _place_neighbours(left, right, n, source_columns, columns, j, broad)
+                row, fv = _place_neighbours(top, foot, mm, source_rows, rows, ii, high)
+                column, fu = _place_neighbours(left, right, nn, source_columns, columns, jj, broad)
+                own_v = _place_labels(top, foot, m, label_rows, rows, i, labels.shape[0])
+                own_u = _place_labels(left, right, n, label_columns, columns, j, labels.shape[1])
+                v = _place_labels(top, foot, mm, label_rows, rows, ii, labels.shape[0])
+                u = _place_labels(left, right, nn, label_columns, columns, jj, labels.shape[1])
                 for a in range(length):
                     for b in range(2 * reach + 1):
-                        y, x = (y0 + a, x1 - reach + b) if side == 0 else (y1 - reach + b, x0 + a)
-                        top, fv = _find_neighbours(_exemplar_position(y, m, source_rows, rows, i), high)
-                        left, fu = _find_neighbours(_exemplar_position(x, n, source_columns, columns, j), broad)
-                        _sample_bilinear(image, top, fv, left, fu, one)
-                        top, fv = _find_neighbours(_exemplar_position(y, mm, source_rows, rows, ii), high)
-                        left, fu = _find_neighbours(_exemplar_position(x, nn, source_columns, columns, jj), broad)
-                        _sample_bilinear(image, top, fv, left, fu, other)
+                        y, x = (a, b) if side == 0 else (b, a)
+                        _sample_bilinear(image, own_row[y], own_fv[y], own_column[x], own_fu[x], one)
+                        _sample_bilinear(image, row[y], fv[y], column[x], fu[x], other)
                         error[a, b] = 0.01 * abs(b - reach)
                         for c in range(3):
                             error[a, b] += (one[c] - other[c]) ** 2
-                        differs[b] = _sample_label(
-                            labels,
-                            _exemplar_position(y, m, label_rows, rows, i),
-                            _exemplar_position(x, n, label_columns, columns, j),
-                        ) != _sample_label(
-                            labels,
-                            _exemplar_position(y, mm, label_rows, rows, ii),
-                            _exemplar_position(x, nn, label_columns, columns, jj),
-                        )
-                    for b in range(2 * reach + 1):
-                        for passed in range(min(b, reach), max(b, reach)):
-                            if differs[passed]:
-                                error[a, b] += _LABEL_COST
+                        differs[b] = labels[own_v[y], own_u[x]] != labels[v[y], u[x]]
+                    for way in (-1, 1):
+                        passed = 0
+                        for step in range(1, reach + 1):
+                            passed += differs[reach + way * step - (way + 1) // 2]
+                            for _ in range(passed):
+                                error[a, reach + way * step] += _LABEL_COST
                 path = find_min_error_path(error)
                 for a in range(length):
                     if side == 0:
@@ -258,11 +274,16 @@ def _render_labels(
     wide, across = tiles.shape[1], len(source_columns) - 1
     out = np.empty(cell.shape, np.uint8)
     for y in range(cell.shape[0]):
+        shown = -1
+        n, j, v = 0, 0, 0
         for x in range(cell.shape[1]):
-            m, n = cell[y, x] // wide, cell[y, x] % wide
-            i, j = tiles[m, n] // across, tiles[m, n] % across
-            v, u = _exemplar_position(y, m, source_rows, rows, i), _exemplar_position(x, n, source_columns, columns, j)
-            out[y, x] = _sample_label(labels, v, u)
+            if cell[y, x] != shown:
+                shown = cell[y, x]
+                m, n = shown // wide, shown % wide
+                i, j = tiles[m, n] // across, tiles[m, n] % across
+                v = min(max(int(_exemplar_position(y, m, source_rows, rows, i)), 0), labels.shape[0] - 1)
+            u = min(max(int(_exemplar_position(x, n, source_columns, columns, j)), 0), labels.shape[1] - 1)
+            out[y, x] = labels[v, u]
     return out
 
 
