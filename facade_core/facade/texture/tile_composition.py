@@ -118,25 +118,20 @@ def _sample_bilinear(
 
 
 @njit(cache=True)
-def _place_neighbours(
+def _place_along(
     start: int, stop: int, cell: int, source: Float64Array, borders: Int64Array, tile: int, size: int
-) -> tuple[Int64Array, Float32Array]:
-    """Return `_find_neighbours` of the positions from `start` to `stop` that a cell shows along an axis of `size` pixels."""
-    first, share = np.empty(stop - start, np.int64), np.empty(stop - start, np.float32)
+) -> tuple[Int64Array, Float32Array, Int64Array]:
+    """Return `_find_neighbours` and the pixels of the positions from `start` to `stop` that a cell shows along an axis."""
+    first, share, pixel = (
+        np.empty(stop - start, np.int64),
+        np.empty(stop - start, np.float32),
+        np.empty(stop - start, np.int64),
+    )
     for k in range(stop - start):
-        first[k], share[k] = _find_neighbours(_exemplar_position(start + k, cell, source, borders, tile), size)
-    return first, share
-
-
-@njit(cache=True)
-def _place_labels(
-    start: int, stop: int, cell: int, source: Float64Array, borders: Int64Array, tile: int, size: int
-) -> Int64Array:
-    """Return the pixels at the positions from `start` to `stop` that a cell shows along an axis of `size` pixels."""
-    at = np.empty(stop - start, np.int64)
-    for k in range(stop - start):
-        at[k] = min(max(int(_exemplar_position(start + k, cell, source, borders, tile)), 0), size - 1)
-    return at
+        position = _exemplar_position(start + k, cell, source, borders, tile)
+        first[k], share[k] = _find_neighbours(position, size)
+        pixel[k] = min(max(int(position), 0), size - 1)
+    return first, share, pixel
 
 
 @njit(cache=True)
@@ -178,14 +173,14 @@ def _find_seam_paths(
                 differs = np.empty(2 * reach + 1, np.bool_)
                 top, foot = (y0, y1) if side == 0 else (y1 - reach, y1 + reach + 1)
                 left, right = (x1 - reach, x1 + reach + 1) if side == 0 else (x0, x1)
-                own_row, own_fv = _place_neighbours(top, foot, m, source_rows, rows, i, high)
-                own_column, own_fu = _place_neighbours(left, right, n, source_columns, columns, j, broad)
-                row, fv = _place_neighbours(top, foot, mm, source_rows, rows, ii, high)
-                column, fu = _place_neighbours(left, right, nn, source_columns, columns, jj, broad)
-                own_v = _place_labels(top, foot, m, label_rows, rows, i, labels.shape[0])
-                own_u = _place_labels(left, right, n, label_columns, columns, j, labels.shape[1])
-                v = _place_labels(top, foot, mm, label_rows, rows, ii, labels.shape[0])
-                u = _place_labels(left, right, nn, label_columns, columns, jj, labels.shape[1])
+                own_row, own_fv, _ = _place_along(top, foot, m, source_rows, rows, i, high)
+                own_column, own_fu, _ = _place_along(left, right, n, source_columns, columns, j, broad)
+                row, fv, _ = _place_along(top, foot, mm, source_rows, rows, ii, high)
+                column, fu, _ = _place_along(left, right, nn, source_columns, columns, jj, broad)
+                own_v = _place_along(top, foot, m, label_rows, rows, i, labels.shape[0])[2]
+                own_u = _place_along(left, right, n, label_columns, columns, j, labels.shape[1])[2]
+                v = _place_along(top, foot, mm, label_rows, rows, ii, labels.shape[0])[2]
+                u = _place_along(left, right, nn, label_columns, columns, jj, labels.shape[1])[2]
                 for a in range(length):
                     for b in range(2 * reach + 1):
                         y, x = (a, b) if side == 0 else (b, a)
@@ -303,7 +298,7 @@ def _render_faded(
     weight = np.zeros((height, width), np.float32)
     across = len(source_columns) - 1
     one = np.empty(3, np.float32)
-    lefts, shares, fades = np.empty(width, np.int64), np.empty(width, np.float32), np.empty(width)
+    fades = np.empty(width)
     for m in range(tiles.shape[0]):
         for n in range(tiles.shape[1]):
             i, j = tiles[m, n] // across, tiles[m, n] % across
@@ -311,15 +306,14 @@ def _render_faded(
             if y1 == y0 or x1 == x0:
                 continue
             start, stop = max(0, x0 - margin), min(width, x1 + margin)
+            lefts, shares, _ = _place_along(start, stop, n, source_columns, columns, j, image.shape[1])
             for x in range(start, stop):
-                u = _exemplar_position(x, n, source_columns, columns, j)
-                lefts[x], shares[x] = _find_neighbours(u, image.shape[1])
                 fades[x] = _fade(x, x0, x1, margin)
             for y in range(max(0, y0 - margin), min(height, y1 + margin)):
                 fade_y = _fade(y, y0, y1, margin)
                 top, fv = _find_neighbours(_exemplar_position(y, m, source_rows, rows, i), image.shape[0])
                 for x in range(start, stop):
-                    _sample_bilinear(image, top, fv, lefts[x], shares[x], one)
+                    _sample_bilinear(image, top, fv, lefts[x - start], shares[x - start], one)
                     w = np.float32(fade_y * fades[x])
                     weight[y, x] += w
                     for c in range(3):
