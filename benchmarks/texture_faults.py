@@ -30,7 +30,7 @@ from facade_core.plan.plan import Plan
 from tasks.engine.store.commits import read_newest_journal
 from tasks.stages.facades.evidence import read_evidence
 from tasks.stages.facades.imagery import FacadeImagery
-from tasks.stages.facades.photos import crop_picture, read_photo
+from tasks.stages.facades.photos import crop_facade_photo
 
 CHOSEN = Path(__file__).with_suffix(".json")
 VERDICTS = ("good", "small flaws", "bad")
@@ -98,7 +98,7 @@ def fit(walls: Walls) -> Rule:
 
 def measure_photo(path: Path, *, is_rectified: bool) -> list[float]:
     """Measure the finished texture of a photo, in the order of FAULT_MEASURES."""
-    height, width = crop_picture(read_photo(path), path.name, is_rectified).hidden.shape
+    height, width = crop_facade_photo(path, is_rectified).hidden.shape
     scale = math.sqrt(TEXELS / (height * width))
     size = (round(height * scale), round(width * scale))
     imagery = FacadeImagery(photo=path, rectified=is_rectified)

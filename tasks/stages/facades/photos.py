@@ -109,6 +109,11 @@ def crop_photo_to_wall(
     return cut
 
 
+def crop_facade_photo(path: Path, rectified: bool) -> FacadeCrop:
+    """Read a photo and crop it to the facade that it was taken for; parameters and errors as of `crop_picture`."""
+    return crop_picture(read_photo(path), path.name, rectified)
+
+
 def crop_picture(
     picture: Picture,
     name: str,

@@ -24,7 +24,7 @@ from facade_core.imagery.rectify.settings import PHOTO_FIT
 from facade_core.parsing.segmenter import Surroundings
 from tasks.stages.facades.evidence import read_evidence
 from tasks.stages.facades.imagery import FacadeImagery
-from tasks.stages.facades.photos import BLURRED, crop_picture, describe_crop, read_facade_photo, read_photo
+from tasks.stages.facades.photos import BLURRED, crop_facade_photo, describe_crop, read_facade_photo
 from tasks.stages.shared.images import capture_date, read_bounded_picture
 
 PAINTED = paint((16.0, 14.0), floors=4, columns=5, style="haussmann", metres_per_pixel=0.03, seed=4)
@@ -32,10 +32,6 @@ PAINTED = paint((16.0, 14.0), floors=4, columns=5, style="haussmann", metres_per
 OUTDOORS = PAINTED.image.copy()
 OUTDOORS[: len(OUTDOORS) // 8] = (200, 205, 215)
 OUTDOORS[4 * len(OUTDOORS) // 5 :] //= 2
-
-
-def crop_facade_photo(path: Path, rectified: bool) -> FacadeCrop:
-    return crop_picture(read_photo(path), path.name, rectified)
 
 
 def from_below(image: np.ndarray) -> np.ndarray:
