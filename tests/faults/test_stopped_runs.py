@@ -45,6 +45,7 @@ def wait_for_workers(process: subprocess.Popen[str]) -> None:
         if len(psutil.Process(process.pid).children(recursive=True)) >= 6:
             return
         time.sleep(0.05)
+    assert process.poll() is None, process.communicate()[1]
 
 
 def stop_each(process: subprocess.Popen[str]) -> int:

@@ -50,9 +50,7 @@ def run(town: Path, *more: str, expect: int = 0) -> dict:
     return json.loads(done.stdout.strip().splitlines()[-1])
 
 
-@pytest.fixture(scope="module")
-def resumed(town: Path) -> dict:
-    """What the city's second run says, which one process makes block after block; the first is killed in its second block."""
+def test_a_city_goes_on_after_a_kill_and_has_nothing_to_do_afterwards(town: Path) -> None:
     out = town.parent / "out"
     process = subprocess.Popen(
         command(town, "--no-tiles"), cwd=ROOT, env=environment(town.parent), stderr=subprocess.PIPE, text=True
@@ -68,42 +66,8 @@ def resumed(town: Path) -> dict:
     [begun] = [name for name in blocks if not (out / "blocks" / name / "ended.json").is_file()]
     assert len(blocks) == 2
     wait_until(lambda: not working_in(out / "blocks" / begun))  # the block that had begun ends with the city
-    return run(town)
 
-
-def test_blocks_side_by_side_share_their_workers_and_exemplars(town: Path, resumed: dict, tmp_path: Path) -> None:
-    """And their results are those of one block after the other; before the next test corrects the city's input."""
-    alone, together = town.parent / "out", tmp_path / "together"
-    words = [sys.executable, "-m", "flows", "city", str(town), "--no-tiles", "--json", "--out", str(together)]
-    done = subprocess.run(
-        [*words, "--workers", "2", "--at-once", "2"],
-        cwd=ROOT,
-        env=environment(tmp_path),
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode == 0, done.stderr[-3000:]
-    found = json.loads(done.stdout.strip().splitlines()[-1])
-    for out in (alone, together):
-        assert len(list((out / "shared" / "exemplars").iterdir())) == 2
-    assert found["atlas_digest"] == resumed["atlas_digest"]
-    assert found["estimate"]["processor_hours_taken"] > 0
-    assert not list(tmp_path.rglob("preview.jpg")), "the page of a city shows its finished blocks"
-    preparing = [
-        len(_prepared_exemplars(alone / "blocks" / name))
-        for name in json.loads((alone / "city.json").read_text())["digests"]
-    ]
-    assert sorted(preparing) == [0, 2], "each by the first block that needs it"
-
-
-def _prepared_exemplars(out: Path) -> list[str]:
-    """Exemplars of a block that it prepared itself."""
-    records = read_newest_journal(out / "store", "exemplars")
-    return [record["unit"] for record in records if record and "scale" in record["seconds"]]
-
-
-def test_a_city_goes_on_after_a_kill_and_has_nothing_to_do_afterwards(town: Path, resumed: dict) -> None:
-    out, summary = town.parent / "out", resumed
+    summary = run(town)
     assert (summary["blocks"], summary["blocks_done"], summary["blocks_skipped"]) == (2, 2, 0), (
         "no tiles were asked for"
     )
@@ -137,6 +101,34 @@ def test_a_city_goes_on_after_a_kill_and_has_nothing_to_do_afterwards(town: Path
     assert (corrected["blocks_done"], corrected["blocks_skipped"]) == (2, 1), "of that block alone"
     assert query(out, where="corrected = 1")["id"].tolist() == [facade]
     assert run(town)["blocks_skipped"] == 2
+
+
+def test_blocks_side_by_side_share_their_workers_and_exemplars(town: Path, tmp_path: Path) -> None:
+    """And their results are those of one block after the other."""
+    words = [sys.executable, "-m", "flows", "city", str(town), "--no-tiles", "--json", "--out"]
+    alone, together = tmp_path / "alone", tmp_path / "together"
+    found = {}
+    for out, more in ((alone, ("--workers", "1", "--at-once", "1")), (together, ("--workers", "2", "--at-once", "2"))):
+        done = subprocess.run(
+            [*words, str(out), *more], cwd=ROOT, env=environment(tmp_path), capture_output=True, text=True
+        )
+        assert done.returncode == 0, done.stderr[-3000:]
+        found[out] = json.loads(done.stdout.strip().splitlines()[-1])
+        assert len(list((out / "shared" / "exemplars").iterdir())) == 2
+    assert found[alone]["atlas_digest"] == found[together]["atlas_digest"]
+    assert found[together]["estimate"]["processor_hours_taken"] > 0
+    assert not list(tmp_path.rglob("preview.jpg")), "the page of a city shows its finished blocks"
+    preparing = [
+        len(_prepared_exemplars(alone / "blocks" / name))
+        for name in json.loads((alone / "city.json").read_text())["digests"]
+    ]
+    assert sorted(preparing) == [0, 2], "each by the first block that needs it"
+
+
+def _prepared_exemplars(out: Path) -> list[str]:
+    """Exemplars of a block that it prepared itself."""
+    records = read_newest_journal(out / "store", "exemplars")
+    return [record["unit"] for record in records if record and "scale" in record["seconds"]]
 
 
 def test_the_nightly_city_is_deployed_as_its_flow_takes_it() -> None:

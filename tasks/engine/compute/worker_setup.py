@@ -164,7 +164,7 @@ def diff_environment(asked: dict[str, str], theirs: dict[str, str]) -> str | Non
 
 
 def list_worker_modules() -> list[str]:
-    """Return modules that units need and whose import starts no thread, which would not survive a fork."""
+    """Return modules that units need; not onnxruntime, whose thread would not survive a fork."""
     from tasks.engine.stage import all_stages
     from tasks.engine.stage_code import worker_module
 
