@@ -10,6 +10,7 @@ import numpy as np
 
 from facade_core.core.types import Sun
 from facade_core.export.lighting.relighting import MAX_CACHED_CHARTS, RelightingInputs, StoredChartTexels
+from facade_core.export.lighting.street_light import lamp_emitters
 from facade_core.street.lighting.light import SceneLight
 from tasks.publish.published_run import PublishedBlock
 from tasks.stages.shared.materials import rebuild_material_field
@@ -45,6 +46,7 @@ def relighting_inputs(results: PublishedBlock, *, has_relief: bool = False) -> R
         SceneLight(plan.scene, field.reflectance, sun) if group.attrs.get("light") else None,
         texels,
         has_relief,
+        lamp_emitters(plan.objects),
     )
 
 

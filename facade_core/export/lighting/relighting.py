@@ -11,7 +11,7 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float32Array, FloatArray, UInt8Array
 from facade_core.core.labels import FacadeClass
-from facade_core.core.linear_light import linear_to_srgb
+from facade_core.core.linear_light import linear_to_srgb, srgb_to_linear
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import MappedGround
 from facade_core.export.lighting.albedo import divide_light, estimate_shading
@@ -28,6 +28,14 @@ from facade_core.export.lighting.panes import (
     snap_to_boxes,
 )
 from facade_core.export.lighting.pbr_materials import CHART_MATERIALS, ROUGHNESS, PbrMaterialClass, classify_facade
+from facade_core.export.lighting.settings import STREET_LIGHT
+from facade_core.export.lighting.street_light import (
+    NO_EMITTERS,
+    Emitters,
+    join_emitters,
+    street_light,
+    window_emitters,
+)
 from facade_core.export.models.pages import PbrMaps, downscale
 from facade_core.export.models.textured_mesh import TexturedMesh
 from facade_core.facade.wall_material import measure_wall_material
@@ -71,6 +79,7 @@ class RelightingInputs:
     light : light in the colours; None if there is none.
     texels : returns the stored texels of a chart.
     has_relief : the elements of facades are geometry.
+    lamps : street lamps.
     """
 
     scene: Scene
@@ -81,14 +90,14 @@ class RelightingInputs:
     light: SceneLight | None
     texels: Callable[[int], StoredChartTexels]
     has_relief: bool = False
+    lamps: Emitters = NO_EMITTERS
 
 
 def build_relightable_mesh(source: TexturedMesh, inputs: RelightingInputs) -> TexturedMesh:
     """Return the mesh with base colours without baked light, and with PBR maps."""
     charts, grounds = _ChartRelighter(source, inputs), GroundMaterialOutlines(inputs.ground)
-    albedo = lru_cache(maxsize=MAX_CACHED_CHARTS)(charts.albedo)
-    maps = lru_cache(maxsize=MAX_CACHED_CHARTS)(lambda chart: charts.maps(chart, albedo(chart), grounds))
-    return replace(source, raster=albedo, maps=maps)
+    maps = lru_cache(maxsize=MAX_CACHED_CHARTS)(lambda chart: charts.maps(chart, charts.albedo(chart), grounds))
+    return replace(source, raster=charts.albedo, maps=maps)
 
 
 class _Surface(NamedTuple):
@@ -113,8 +122,10 @@ class _Surface(NamedTuple):
 class _ChartRelighter:
     def __init__(self, source: TexturedMesh, inputs: RelightingInputs) -> None:
         self.source, self.inputs, self.scene = source, inputs, inputs.scene
+        self.albedo = lru_cache(maxsize=MAX_CACHED_CHARTS)(self._find_albedo)
+        self.lit_windows = lru_cache(maxsize=MAX_CACHED_CHARTS)(self._find_lit_windows)
 
-    def albedo(self, chart: int) -> UInt8Array:
+    def _find_albedo(self, chart: int) -> UInt8Array:
         """Compute the base colour (h, w, 3) uint8 of a chart.
 
         The base layer of synthesised texels has no light. For materials, the light of the block is computed again and
@@ -159,7 +170,8 @@ class _ChartRelighter:
         density = self.density(chart)
         size = (-(-colour.shape[1] // 2), -(-colour.shape[0] // 2))
         half = (size[1], size[0])
-        small = downscale(colour, size).astype(np.float32).mean(axis=2)
+        reduced = downscale(colour, size)
+        small = reduced.astype(np.float32).mean(axis=2)
         if labels is not None and not self.inputs.has_source_texture[chart]:
             surface = self.facade_surface(chart, colour, labels, size)
         else:
@@ -173,8 +185,27 @@ class _ChartRelighter:
         return PbrMaps(
             _to_uint8(normals_from_heights(height, density / 2, surface.slope) / 2 + np.float32(0.5)),
             _to_uint8(orm),
-            None if surface.light is None or not surface.light.any() else linear_to_srgb(surface.light),
+            self.night_picture(chart, reduced, surface.light),
         )
+
+    def night_picture(self, chart: int, colour: UInt8Array, own: Float32Array | None) -> UInt8Array | None:
+        """Return what a chart of a colour (h, w, 3) shows at night by its own windows, lamps and shops; None without light."""
+        emitters, charts = self.inputs.lamps, self.scene.charts
+        if charts.kind[chart] == ChartKind.GROUND:
+            near = charts.charts_within(chart, STREET_LIGHT.window_reach_m).tolist()
+            emitters = join_emitters([emitters, *map(self.lit_windows, near)])
+        received = street_light(self.scene, chart, emitters, colour.shape[:2])
+        shown = np.zeros(colour.shape, np.float32) if own is None else own
+        if received is not None:
+            shown = shown + srgb_to_linear(colour) * received
+        return linear_to_srgb(np.minimum(shown, 1)) if shown.any() else None
+
+    def _find_lit_windows(self, chart: int) -> Emitters:
+        labels = self.inputs.texels(chart).labels
+        if labels is None or self.inputs.has_source_texture[chart]:
+            return NO_EMITTERS
+        light = self.pane_maps(chart, self.albedo(chart), snap_to_boxes(labels))[2]
+        return NO_EMITTERS if light is None else window_emitters(self.scene.charts, chart, light)
 
     def facade_surface(self, chart: int, colour: UInt8Array, labels: UInt8Array, size: tuple[int, int]) -> _Surface:
         """Return the surface of a facade from its labels, at `size` (width, height), half that of its colour."""

@@ -180,3 +180,28 @@ class PaneSettings:
 
 
 PANES = PaneSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class StreetLightSettings:
+    """Numbers of the light of lamps and windows on ground and walls at night.
+
+    Attributes
+    ----------
+    lamp_power : linear light of a lantern times its area, square metres, before `emissive_strength` of models.
+    lantern_m : distance of the middle of a lantern from the end of its arm, metres.
+    reach_m : distance beyond which no emitter lights a surface, metres.
+    window_reach_m : the same for windows, from the box of a ground chart.
+    window_height_m : height of a wall over its foot whose windows light the ground, metres.
+    cell_m : side of the cells of lit windows, and step of the grid of light, metres.
+    """
+
+    lamp_power: tuple[float, float, float] = (24.0, 18.0, 11.0)
+    lantern_m: float = 0.3
+    reach_m: float = 16.0
+    window_reach_m: float = 6.0
+    window_height_m: float = 4.5
+    cell_m: float = 0.8
+
+
+STREET_LIGHT = StreetLightSettings()
