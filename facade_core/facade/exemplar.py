@@ -17,7 +17,7 @@ from facade_core.facade.exemplar_quality import ExemplarQuality, judge_exemplar
 from facade_core.facade.exemplar_trimming import trim_to_facade
 from facade_core.facade.facade import Facade, time_stage
 from facade_core.facade.photo_facade import NO_DOORS, complete_observed_photo, observe_photo
-from facade_core.facade.texture.entrances import lengthen_doors
+from facade_core.facade.texture.doors import lengthen_doors
 from facade_core.facade.texture.scale import exemplar_scale
 from facade_core.imagery.rectify.building_crop import crop_to_facade
 from facade_core.imagery.rectify.level_lines import find_slope

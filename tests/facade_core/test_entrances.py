@@ -13,7 +13,7 @@ from benchmarks.painter.facade import paint_facade as paint
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Building, IngestSettings, Street
 from facade_core.facade.texture.building_walls import compose_wall
-from facade_core.facade.texture.entrances import lengthen_doors
+from facade_core.facade.texture.doors import lengthen_doors
 from facade_core.facade.texture.ground_floor import replace_ground_floor_by_windows
 from facade_core.facade.texture.retargeting import ExemplarAnalysis, analyse_exemplar
 from facade_core.facade.texture.wall_floors import FacadeWall

@@ -26,7 +26,8 @@ from facade_core.facade.texture.bare_wall import (
     paint_coping,
     plaster_bare_wall,
 )
-from facade_core.facade.texture.entrances import choose_door_position, paint_door, place_doors
+from facade_core.facade.texture.doors import paint_door
+from facade_core.facade.texture.entrances import choose_door_position, place_doors
 from facade_core.facade.texture.ground_units import paint_ground_units
 from facade_core.facade.texture.retargeting import ExemplarAnalysis, fit_sizes_to_total, initial_tiling, refine_tiling
 from facade_core.facade.texture.settings import BAYS, FLOORS, RETARGETING

@@ -11,7 +11,7 @@ import numpy as np
 
 from facade_core.core.arrays import Float64Array, UInt8Array
 from facade_core.core.labels import FacadeClass
-from facade_core.facade.texture.entrances import fill_with_door
+from facade_core.facade.texture.doors import fill_with_door
 from facade_core.facade.texture.ground_units import arrange_units, compose_units, find_ground_units
 from facade_core.facade.texture.roof_removal import cut_off_roof
 from facade_core.facade.texture.settings import ENTRANCES, FLOORS, GROUND_FLOOR
