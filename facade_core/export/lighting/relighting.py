@@ -48,6 +48,8 @@ from facade_core.street.materials.settings import MATERIAL_FIELD
 
 # Charts with cached maps: those of one building, which a shell reads repeatedly.
 MAX_CACHED_CHARTS = 64
+# Charts whose lit windows, which are few numbers, are known at a time: ground meets many walls.
+MAX_KNOWN_WINDOWS = 4096
 
 
 class StoredChartTexels(NamedTuple):
@@ -123,7 +125,7 @@ class _ChartRelighter:
     def __init__(self, source: TexturedMesh, inputs: RelightingInputs) -> None:
         self.source, self.inputs, self.scene = source, inputs, inputs.scene
         self.albedo = lru_cache(maxsize=MAX_CACHED_CHARTS)(self._find_albedo)
-        self.lit_windows = lru_cache(maxsize=MAX_CACHED_CHARTS)(self._find_lit_windows)
+        self.lit_windows = lru_cache(maxsize=MAX_KNOWN_WINDOWS)(self._find_lit_windows)
 
     def _find_albedo(self, chart: int) -> UInt8Array:
         """Compute the base colour (h, w, 3) uint8 of a chart.
@@ -192,8 +194,9 @@ class _ChartRelighter:
         """Return what a chart of a colour (h, w, 3) shows at night by its own windows, lamps and shops; None without light."""
         emitters, charts = self.inputs.lamps, self.scene.charts
         if charts.kind[chart] == ChartKind.GROUND:
-            near = charts.charts_within(chart, STREET_LIGHT.window_reach_m).tolist()
-            emitters = join_emitters([emitters, *map(self.lit_windows, near)])
+            near = charts.charts_within(chart, STREET_LIGHT.window_reach_m)
+            walls = near[charts.kind[near] == ChartKind.WALL]
+            emitters = join_emitters([emitters, *map(self.lit_windows, walls.tolist())])
         received = street_light(self.scene, chart, emitters, colour.shape[:2])
         shown = np.zeros(colour.shape, np.float32) if own is None else own
         if received is not None:
