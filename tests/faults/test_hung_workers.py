@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import cloudpickle
+import dask
 import pytest
 from distributed import Client, LocalCluster
 
@@ -109,32 +110,30 @@ def test_a_unit_that_hangs_everywhere_fails_alone(hasty: Cluster) -> None:
 
 
 DIES = """
-import os, sys
-if "spawn_main" in " ".join(sys.orig_argv) and len(os.listdir({folder!r})) < {times}:
+import os
+if len(os.listdir({folder!r})) < {times}:
     open(os.path.join({folder!r}, str(os.getpid())), "w").close()
     os._exit(3)
 """
 
 
 @pytest.mark.parametrize("times", [1, 99])
-def test_a_worker_that_dies_while_it_starts(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, times: int, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_worker_that_dies_while_it_starts(tmp_path: Path, times: int, capfd: pytest.CaptureFixture[str]) -> None:
     """Once: the workers are started again. Again and again: one line."""
-    dead, site = tmp_path / "dead", tmp_path / "site"
+    dead, first = tmp_path / "dead", tmp_path / "first.py"
     dead.mkdir()
-    site.mkdir()
-    (site / "sitecustomize.py").write_text(DIES.format(folder=str(dead), times=times))
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(site), *sys.path]))
-    if times == 1:
-        with connect(2, None, str(tmp_path)) as made:
-            assert made.submit(worker).result()
-    else:
-        with (
-            pytest.raises(ClusterGoneError, match=r"^2 local workers do not start; .*--workers$"),
-            connect(2, None, str(tmp_path)),
-        ):
-            pass
+    first.write_text(DIES.format(folder=str(dead), times=times))
+    with dask.config.set({"distributed.worker.preload": [str(first)]}):
+        if times == 1:
+            with connect(2, None, str(tmp_path)) as made:
+                assert made.submit(worker).result()
+        else:
+            with (
+                pytest.raises(ClusterGoneError, match=r"^2 local workers do not start; .*--workers$"),
+                connect(2, None, str(tmp_path)),
+            ):
+                pass
+    assert any(dead.iterdir())
     said = capfd.readouterr()
     assert "Traceback" not in said.out + said.err
 
