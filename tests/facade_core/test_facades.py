@@ -243,9 +243,11 @@ def test_bare_wall_above_a_low_storey_is_plain(style: ExemplarAnalysis) -> None:
     attic = stack_floors(stained, wall, MPP)[0][0].attic
     assert attic > 0.5
     image, labels = compose_wall(stained, wall, metres_per_pixel=MPP)
-    rows = slice(round(0.2 / MPP), round(attic / MPP))
-    assert (labels[rows] == FacadeClass.WALL).all()
-    assert np.ptp(image[rows].mean(axis=(1, 2))) < 2 * FLOORS.max_grain
+    foot = round(attic / MPP)
+    assert (labels[:foot] == FacadeClass.WALL).all()
+    plain = image[round(0.2 / MPP) : foot - round(0.2 / MPP)].mean(axis=(1, 2))
+    assert np.ptp(plain) < FLOORS.max_grain
+    assert image[foot - 1].mean() > plain.max() + FLOORS.max_grain > plain.min() > image[foot].mean(), "over a ledge"
 
 
 def test_storeys_meet_round_the_corners_and_are_of_a_storeys_height(plan: Plan, style: ExemplarAnalysis) -> None:
