@@ -215,21 +215,28 @@ def _kept_syntax() -> dict[str, list[Any]]:
     try:
         file = user_cache_folder() / "streetloom" / f"syntax-{own}.json"
         atexit.register(_keep_syntax, file, kept)
-        kept |= {path: (stamp, *fields) for path, (stamp, *fields) in json.loads(file.read_bytes()).items()}
+        kept |= {
+            path: [stamp, *fields]
+            for path, (stamp, *fields) in json.loads(file.read_bytes()).items()
+            if len(fields) == 3
+        }
     except (InputError, OSError, ValueError, TypeError, AttributeError):  # the file is damaged
         pass
     return kept
 
 
 def _keep_syntax(file: Path, kept: dict[str, list[Any]]) -> None:
-    text = json.dumps({path: kept[path] for path in sorted(kept) if path.startswith(str(PACKAGES_FOLDER))})
+    own = {path: kept[path] for path in sorted(kept) if Path(path).is_relative_to(PACKAGES_FOLDER)}
+    text, written = json.dumps(own).encode(), file.with_name(f"{file.name}.{os.getpid()}")
     with suppress(OSError):
-        if file.is_file() and file.read_text() == text:
+        if file.is_file() and file.read_bytes() == text:
             return
         file.parent.mkdir(parents=True, exist_ok=True)
-        written = file.with_name(f"{file.name}.{os.getpid()}")
-        written.write_text(text)
-        written.replace(file)
+        try:
+            written.write_bytes(text)
+            written.replace(file)
+        finally:
+            written.unlink(missing_ok=True)
 
 
 @cache

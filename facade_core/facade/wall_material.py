@@ -75,11 +75,14 @@ def wall_colour_field(image: Float32Array, wall: Float32Array, sigma: float) -> 
     wall : (h, w) float32 share of wall of each pixel.
     sigma : deviation of the mean, pixels.
     """
-    mean = np.average(image.reshape(-1, 3), axis=0, weights=wall.ravel() + MEAN_WEIGHT).astype(np.float32)
-    near, weight = (
+    weight = wall[..., None] + np.float32(MEAN_WEIGHT)
+    mean = (image * weight).sum(axis=(0, 1), dtype=np.float64) / weight.sum(dtype=np.float64)
+    near, share = (
         cv2.GaussianBlur(one, (0, 0), sigma, borderType=cv2.BORDER_REPLICATE) for one in (image * wall[..., None], wall)
     )
-    field: Float32Array = (near + MEAN_WEIGHT * mean) / (weight + MEAN_WEIGHT)[..., None]
+    field: Float32Array = (near + (MEAN_WEIGHT * mean).astype(np.float32)) / (share + np.float32(MEAN_WEIGHT))[
+        ..., None
+    ]
     return field
 
 

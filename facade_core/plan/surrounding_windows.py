@@ -12,6 +12,7 @@ from facade_core.core.surrounding_mesh import SurroundingMaterial, SurroundingMe
 from facade_core.core.types import Building
 from facade_core.geometry.charts import ChartKind, Charts, Mesh
 from facade_core.geometry.ground.terrain import Terrain
+from facade_core.geometry.settings import FACADE_WALLS
 from facade_core.geometry.walls import wall_outlines_and_free_parts
 from facade_core.plan.settings import SURROUNDINGS
 
@@ -59,8 +60,10 @@ def build_windows(
 def _place_windows(charts: Charts, wall: int, building: Building, terrain: Terrain) -> Float64Array:
     """Return left, top, right and bottom (k, 4) of a wall's windows in its frame."""
     foot = terrain.lowest_along(building.footprint) if building.base is None else building.base
-    storeys = building.levels or max(1, round(building.height / SURROUNDINGS.storey_m))
-    storey, columns = building.height / storeys, max(1, int(charts.size[wall, 0] / SURROUNDINGS.bay_m))
+    foot, height = foot + building.raised, building.height - building.raised
+    most = int(height / FACADE_WALLS.floor_height_m[0])
+    storeys = min(building.levels or max(1, round(height / SURROUNDINGS.storey_m)), most)
+    storey, columns = height / max(storeys, 1), max(1, int(charts.size[wall, 0] / SURROUNDINGS.bay_m))
     bay = charts.size[wall, 0] / columns
     left, top, right, bottom = SURROUNDINGS.window
     column, level = (axis.ravel() for axis in np.meshgrid(np.arange(columns), np.arange(storeys)))

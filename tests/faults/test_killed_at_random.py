@@ -158,11 +158,9 @@ def _found(process: subprocess.Popen, victim: str) -> psutil.Process | None:
             return psutil.Process(process.pid)
         if victim == "scheduler":
             return psutil.Process(process.scheduler.pid)  # type: ignore[attr-defined]
-        word = {"worker": "forkserver", "server": "prefect"}[victim]
+        word = {"worker": "spawn_main", "server": "prefect"}[victim]
         for child in psutil.Process(process.pid).children(recursive=True):
             line = child.cmdline()
-            if victim == "worker" and child.ppid() == process.pid:  # the fork server, which has no unit
-                continue
             if any(word in part for part in line) and child.status() != psutil.STATUS_ZOMBIE:
                 return child
     return None

@@ -39,10 +39,10 @@ def start(block: Path, out: Path) -> subprocess.Popen[str]:
 
 
 def wait_for_workers(process: subprocess.Popen[str]) -> None:
-    """Wait until a run has its server's processes, a tracker, a fork server and two workers."""
+    """Wait until a run has its server's processes, a tracker and two workers."""
     deadline = time.monotonic() + PATIENCE_S
     while process.poll() is None and time.monotonic() < deadline:
-        if len(psutil.Process(process.pid).children(recursive=True)) >= 6:
+        if len(psutil.Process(process.pid).children(recursive=True)) >= 5:
             return
         time.sleep(0.05)
     assert process.poll() is None, process.communicate()[1]

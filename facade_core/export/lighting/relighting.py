@@ -48,8 +48,6 @@ from facade_core.street.materials.settings import MATERIAL_FIELD
 
 # Charts with cached maps: those of one building, which a shell reads repeatedly.
 MAX_CACHED_CHARTS = 64
-# Charts whose lit windows, which are few numbers, are known at a time: ground meets many walls.
-MAX_KNOWN_WINDOWS = 4096
 
 
 class StoredChartTexels(NamedTuple):
@@ -125,7 +123,7 @@ class _ChartRelighter:
     def __init__(self, source: TexturedMesh, inputs: RelightingInputs) -> None:
         self.source, self.inputs, self.scene = source, inputs, inputs.scene
         self.albedo = lru_cache(maxsize=MAX_CACHED_CHARTS)(self._find_albedo)
-        self.lit_windows = lru_cache(maxsize=MAX_KNOWN_WINDOWS)(self._find_lit_windows)
+        self.known_windows: dict[int, Emitters] = {}
 
     def _find_albedo(self, chart: int) -> UInt8Array:
         """Compute the base colour (h, w, 3) uint8 of a chart.
@@ -203,12 +201,13 @@ class _ChartRelighter:
             shown = shown + srgb_to_linear(colour) * received
         return linear_to_srgb(np.minimum(shown, 1)) if shown.any() else None
 
-    def _find_lit_windows(self, chart: int) -> Emitters:
-        labels = self.inputs.texels(chart).labels
-        if labels is None or self.inputs.has_source_texture[chart]:
-            return NO_EMITTERS
-        light = self.pane_maps(chart, self.albedo(chart), snap_to_boxes(labels))[2]
-        return NO_EMITTERS if light is None else window_emitters(self.scene.charts, chart, light)
+    def lit_windows(self, chart: int) -> Emitters:
+        """Return the lit windows of a wall; those of a wall whose maps were made are known, few numbers each."""
+        if chart not in self.known_windows:
+            self.known_windows[chart] = NO_EMITTERS
+            if not self.inputs.has_source_texture[chart] and (labels := self.inputs.texels(chart).labels) is not None:
+                self.pane_maps(chart, self.albedo(chart), snap_to_boxes(labels))
+        return self.known_windows[chart]
 
     def facade_surface(self, chart: int, colour: UInt8Array, labels: UInt8Array, size: tuple[int, int]) -> _Surface:
         """Return the surface of a facade from its labels, at `size` (width, height), half that of its colour."""
@@ -275,6 +274,7 @@ class _ChartRelighter:
             if light is not None:
                 lit = np.zeros((*labels.shape, 3), np.float32) if lit is None else lit
                 lit[opening.box][clear] = modulate_by_picture(opening, light, grey, clear)[clear]
+        self.known_windows[chart] = NO_EMITTERS if lit is None else window_emitters(self.scene.charts, chart, lit)
         return panes, leans, lit
 
 

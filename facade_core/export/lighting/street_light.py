@@ -95,5 +95,5 @@ def street_light(scene: Scene, chart: int, emitters: Emitters, shape: tuple[int,
         return None
     grid = light.reshape(rows, columns, 3).astype(np.float32)
     for axis in (0, 1):
-        grid = interpolate_axis(grid, axis, shape[axis])
+        grid = interpolate_axis(grid, axis, shape[axis]).astype(np.float32)
     return grid

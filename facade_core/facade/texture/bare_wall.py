@@ -35,14 +35,14 @@ def plaster_bare_wall(
         colour = lit_colour(image[beside][wall])
         image[band] = paint_plaster(image[band], colour, FLOORS.grain_m / pixel, FLOORS.max_grain)
         labels[band] = FacadeClass.WALL
-        _paint_ledge(image, colour, band.stop, pixel)
+        _paint_ledge(image, colour, band, pixel)
 
 
-def _paint_ledge(image: UInt8Array, colour: Float64Array, foot: int, pixel: float) -> None:
-    """Paint a ledge of a wall's colour (3,) that ends at a row, and its shadow, in place."""
+def _paint_ledge(image: UInt8Array, colour: Float64Array, band: slice, pixel: float) -> None:
+    """Paint a ledge of a wall's colour (3,) at the foot of a band of rows, and its shadow below, in place."""
     high = max(1, round(FLOORS.coping_m / pixel))
-    image[max(0, foot - high) : foot] = np.minimum(colour / FLOORS.ledge_light, 255)
-    shadow = image[foot : foot + max(1, high // 2)]
+    image[max(band.start, band.stop - high) : band.stop] = np.minimum(colour / FLOORS.ledge_light, 255)
+    shadow = image[band.stop : band.stop + max(1, high // 2)]
     shadow[:] = FLOORS.coping_light * shadow
 
 

@@ -44,7 +44,8 @@ def fill_with_door(
     rng: np.random.Generator,
 ) -> None:
     """Fill some rows and columns of a wall with a plain door, in place; parameters as of `paint_door`."""
-    light = image[at].mean() / 150.0  # a door in a dark picture is dark
+    beside = image[at[0]][labels[at[0]] == FacadeClass.WALL]
+    light = (beside if len(beside) else image[at]).mean() / 150.0  # a door in a dark picture is dark
     (high, wide), leaves = labels[at].shape, 1 + int(labels[at].shape[1] * metres_per_pixel > ENTRANCES.max_leaf_m)
     leaf = draw_plain_door((high, -(-wide // leaves)), metres_per_pixel, rng)
     door = np.hstack([leaf, leaf[:, ::-1]])[:, :wide]
@@ -71,13 +72,19 @@ def lengthen_doors(
         is_door = parts[rows, columns] == number
         seen = np.flatnonzero((is_door & ~hidden[rows, columns]).sum(axis=1) >= 0.5 * is_door.sum(axis=1))
         shown = int(seen[-1]) + 1 if len(seen) else 0
-        if is_door.sum() * metres_per_pixel**2 < ENTRANCES.min_door_m2 or shown == len(is_door):
+        is_small = is_door.sum() * metres_per_pixel**2 < ENTRANCES.min_door_m2
+        if is_small or shown == len(is_door) or is_door.mean() < ENTRANCES.min_door_fill:
             continue
         if shown < ENTRANCES.min_door_seen * len(is_door):
             rng = np.random.default_rng(int(is_door.sum()))
             fill_with_door(image, labels, (rows, columns), metres_per_pixel, rng)
             continue
-        wide = slice(max(0, columns.start - reach), columns.stop + reach)
+        is_wall = (labels[rows] == FacadeClass.WALL).all(axis=0)
+        left, right = (
+            is_wall[max(0, columns.start - reach) : columns.start],
+            is_wall[columns.stop : columns.stop + reach],
+        )
+        wide = slice(columns.start - int(left[::-1].cumprod().sum()), columns.stop + int(right.cumprod().sum()))
         upper = slice(rows.start, rows.start + shown)
         size = image[rows, wide].shape[1::-1]
         image[rows, wide] = cv2.resize(image[upper, wide], size, interpolation=cv2.INTER_LINEAR)

@@ -137,6 +137,7 @@ def _open_door(
             max(0, columns.start - reach) : columns.start, columns.stop : min(columns.stop + reach, labels.shape[1])
         ]
         beside = np.arange(rows[0], max(rows[0] + 1, (rows[0] + rows[-1]) // 2))
+        jambs = jambs[(labels[np.ix_(beside, jambs)] == FacadeClass.WALL).all(axis=0)]
         below = np.arange(beside[-1] + 1, foot)
         image[np.ix_(below, jambs)] = image[np.ix_(np.resize(np.append(beside[::-1], beside), len(below)), jambs)]
         labels[np.ix_(below, jambs)] = FacadeClass.WALL
@@ -145,15 +146,15 @@ def _open_door(
     fill_with_door(image, labels, (slice(head, foot), columns), metres_per_pixel, rng)
 
 
-def _clear_bay(image: UInt8Array, labels: UInt8Array, rows: slice, bay: slice, reach: int) -> None:
+def _clear_bay(image: UInt8Array, labels: UInt8Array, bay: slice, reach: int) -> None:
     """Replace the elements of a bay of a floor, and the frames so far around them, by its piers, in place."""
-    element = (labels[rows, bay] != FacadeClass.WALL).any(axis=0).astype(np.uint8)
+    element = (labels[:, bay] != FacadeClass.WALL).any(axis=0).astype(np.uint8)
     framed = cv2.dilate(element[None], np.ones((1, 2 * reach + 1), np.uint8))[0] > 0
     pier = np.flatnonzero(~framed)
     if len(pier):
         source = np.resize(np.concatenate([pier, pier[::-1]]), int(framed.sum()))
-        image[rows, bay][:, framed] = image[rows, bay][:, source]
-        labels[rows, bay] = FacadeClass.WALL
+        image[:, bay][:, framed] = image[:, bay][:, source]
+        labels[:, bay] = FacadeClass.WALL
 
 
 def _residential_floor(found: FloorsAndBays, labels: UInt8Array) -> slice:
@@ -184,10 +185,12 @@ def _end_on_wall(
     if not (len(window) and len(shown)) or (missing := len(labels) - int(shown[-1]) - 1 - sill) <= 0:
         return image, labels
     band = slice(int(window[0]), min(int(window[-1]), int(shown[-1])) + 1)
+    if band.start >= band.stop:
+        return image, labels
     image, labels = image.copy(), labels.copy()
     wall = image[band].copy(), labels[band].copy()
     for left, right in pairwise(cuts):
-        _clear_bay(*wall, slice(None), slice(left, right), round(ENTRANCES.door_margin_m / metres_per_pixel))
+        _clear_bay(*wall, slice(left, right), round(ENTRANCES.door_margin_m / metres_per_pixel))
     rows = np.resize(np.concatenate([np.arange(len(wall[1]))[::-1], np.arange(len(wall[1]))]), missing)
     colour, sigma = lit_colour(wall[0].reshape(-1, 3)), FLOORS.grain_m / metres_per_pixel
     image[-missing:] = paint_plaster(wall[0][rows], colour, sigma, FLOORS.max_grain)

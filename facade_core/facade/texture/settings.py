@@ -95,6 +95,7 @@ class EntranceSettings:
     max_leaf_m : largest width of a leaf; a wider door has two.
     min_door_m2, min_door_seen : smallest area of a door in a picture, square metres, and smallest share of its height that is
         stretched over its hidden foot.
+    min_door_fill : smallest share of its rectangle that a door in a picture fills; another is an error of the parser.
     min_fanlight_m : smallest height of an opening over a door, metres, that remains a window.
     frame_m : width of its frame, metres.
     door_margin_m : wall on either side of it, metres.
@@ -107,6 +108,7 @@ class EntranceSettings:
     max_leaf_m: float = 1.4
     min_door_m2: float = 0.8
     min_door_seen: float = 0.4
+    min_door_fill: float = 0.6
     min_fanlight_m: float = 0.3
     frame_m: float = 0.07
     door_margin_m: float = 0.2

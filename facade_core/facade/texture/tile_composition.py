@@ -1,7 +1,7 @@
 """Render a tiling: tiles are warped into their cells, and borders move to where neighbours agree.
 
 Detail changes from one tile to the next along a path of least difference, up to `max_seam_shift_px` off the cell's
-border. The colour of the wall cross-fades over the border; elements stay as they are.
+border. The colour of the wall cross-fades over the border; elements stay whole, in its light.
 """
 
 from __future__ import annotations

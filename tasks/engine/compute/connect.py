@@ -21,7 +21,6 @@ from tasks.engine.compute.worker_setup import (
     environment_versions,
     inspect_worker,
     limit_threads,
-    list_worker_modules,
     worker_plugin_remover,
     worker_setup_plugin,
 )
@@ -37,7 +36,6 @@ CERTIFICATE_VARIABLES = (f"{_TLS}CA_FILE", f"{_TLS}CLIENT__CERT", f"{_TLS}CLIENT
 # Settings of Dask in a process that starts workers or connects to them.
 _DASK_SETTINGS = {
     "distributed.worker.daemon": True,
-    "distributed.worker.multiprocessing-method": "forkserver",  # workers share what the fork server imports once
     "distributed.admin.tick.limit": "60s",
     "distributed.admin.large-graph-warning-threshold": "1 GiB",  # runs of rays take the block's geometry along
     "distributed.scheduler.allowed-failures": 1,  # a suspect is run once more by itself
@@ -141,10 +139,8 @@ def _start_local_client(workers: int) -> Iterator[Client]:
     import dask as dask_module
     from distributed import Client
 
-    # of this process now; the fork server may be older
-    environ = {"distributed.nanny.environ": dict(os.environ) | ONE_THREAD}
     with (
-        dask_module.config.set(_DASK_SETTINGS | environ),
+        dask_module.config.set(_DASK_SETTINGS),
         _start_local_cluster(workers) as cluster,
         Client(cluster, set_as_default=False) as client,
     ):
@@ -197,9 +193,7 @@ def _start_local_cluster(workers: int) -> LocalCluster:
     They talk by TLS with a certificate of this cluster alone: any user of the machine reaches their ports.
     """
     from distributed import LocalCluster
-    from distributed.utils import get_mp_context
 
-    get_mp_context().set_forkserver_preload(list_worker_modules())
     place = {"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0", "threads_per_worker": 1}
     cause: Exception | None = None
     for _ in range(2):

@@ -163,21 +163,19 @@ def diff_environment(asked: dict[str, str], theirs: dict[str, str]) -> str | Non
     return f"has {other[0]}" if other else None
 
 
-def list_worker_modules() -> list[str]:
-    """Return modules that units need; not onnxruntime, whose thread would not survive a fork."""
+def _import_workers() -> None:
+    """Import what units need while the block is ingested, and compile it; else the first unit waits for it."""
+    import onnxruntime  # noqa: F401
+    import skimage.measure  # noqa: F401
+    import xarray  # noqa: F401
+
+    from tasks.engine.kernel_compilation import compile_kernels_once
     from tasks.engine.stage import all_stages
     from tasks.engine.stage_code import worker_module
 
-    workers = [worker_module(stage.stage) for stage in all_stages()]
-    return ["distributed", "skimage.measure", "xarray", *workers, "facade_core.kernel_warmup"]
+    for stage in all_stages():
+        import_module(worker_module(stage.stage))
 
-
-def _import_workers() -> None:
-    """Import what units need while the block is ingested, and compile it; else the first unit waits for it."""
-    from tasks.engine.kernel_compilation import compile_kernels_once
-
-    for module in (*list_worker_modules(), "onnxruntime"):
-        import_module(module)
     compile_kernels_once()
     gc.freeze()  # the modules stay: collections need not visit them each time
 
