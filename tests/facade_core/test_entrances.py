@@ -180,3 +180,17 @@ def test_a_door_whose_foot_is_hidden_is_stretched_from_what_is_seen_of_it() -> N
     assert not (plain[30:, 20:40] == (255, 0, 255)).all(axis=2).any(), "nearly all of it is hidden"
     seen, _ = lengthen_doors(image, labels, np.zeros_like(hidden), MPP)
     np.testing.assert_array_equal(seen, image)
+
+
+def test_a_strip_that_is_labelled_door_stretches_no_window() -> None:
+    labels = np.full((80, 120), FacadeClass.WALL, np.uint8)
+    labels[40:, 20:40] = labels[76:, 20:110] = FacadeClass.DOOR
+    labels[20:60, 70:90] = FacadeClass.WINDOW
+    image = np.random.default_rng(0).integers(0, 255, (80, 120, 3), dtype=np.uint8)
+    hidden = np.zeros(labels.shape, bool)
+    hidden[60:] = True
+    np.testing.assert_array_equal(lengthen_doors(image, labels, hidden, MPP)[1], labels)
+    labels[76:, 40:110] = FacadeClass.WALL
+    labels[20:60, 42:60] = FacadeClass.WINDOW
+    _, carried = lengthen_doors(image, labels, hidden, MPP)
+    np.testing.assert_array_equal(carried == FacadeClass.WINDOW, labels == FacadeClass.WINDOW)

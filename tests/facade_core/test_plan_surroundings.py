@@ -77,6 +77,10 @@ def test_neighbours_have_a_window_for_each_bay_and_storey() -> None:
     # of two walls against each other, the higher one keeps the windows above the lower roof
     assert len(windows(NEIGHBOUR, beside)) == 3 * columns * (storeys + 2) + columns * (storeys - 2)
     assert not len(windows(replace(NEIGHBOUR, facade_style="warehouse")))
+    raised = windows(replace(NEIGHBOUR, height=30.0, raised=20.0, levels=3))
+    assert len(raised) == 4 * columns * 3, "levels of a raised part are its own"
+    assert raised[..., 2].min() > 22
+    assert not len(windows(replace(NEIGHBOUR, height=0.4))), "a step"
 
 
 def test_a_view_shows_what_is_nearer_than_the_block() -> None:

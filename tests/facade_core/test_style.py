@@ -240,6 +240,14 @@ def test_a_picture_without_its_ground_floor_gets_one_with_a_door() -> None:
     assert (two[-1] == FacadeClass.DOOR).any()
 
 
+def test_a_balustrade_above_the_windows_leaves_the_foot_as_it_is() -> None:
+    labels = np.zeros((69, 120), np.uint8)
+    labels[5:12, 20:36] = labels[15:20] = FacadeClass.BALCONY
+    labels[24:44, 20:40] = labels[24:44, 70:90] = FacadeClass.WINDOW
+    image = np.full((69, 120, 3), 128, np.uint8)
+    assert (replace_ground_floor_by_windows(image, labels, 0.05)[1][-1] == FacadeClass.DOOR).any()
+
+
 def test_walls_of_one_exemplar_differ_by_house() -> None:
     painted = paint_facade((16.0, 15.0), floors=4, columns=5, style="jugend", metres_per_pixel=0.05, seed=6)
     wall, window = painted.labels == FacadeClass.WALL, painted.labels == FacadeClass.WINDOW
