@@ -7,27 +7,17 @@ passes on is followed to its definition.
 from __future__ import annotations
 
 import ast
-import atexit
 import gc
-import json
-import os
-import sys
 from collections.abc import Collection, Iterable, Iterator
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from hashlib import blake2b
 from importlib.util import resolve_name
 from pathlib import Path
 from threading import Lock
-from typing import Any
-
-from facade_core.core.cache_folders import user_cache_folder
-from facade_core.core.errors import InputError
 
 # Streets ask side by side, and Python before 3.11.5 may fail where the collector lets another thread parse meanwhile.
 _PARSING = Lock()
-PACKAGES_FOLDER = Path(__file__).resolve().parents[2]
 
 
 @dataclass(frozen=True)
@@ -117,32 +107,22 @@ def load_module(name: str, root: Path) -> CodeModule | None:
 
 @cache
 def _parse_module(name: str, path: Path, modified: int) -> CodeModule:
-    content = path.read_bytes()
-    stamp = blake2b(f"{name}\n".encode() + content, digest_size=16).hexdigest()
     with _PARSING:
-        kept = _kept_syntax()
-        if kept.get(str(path), [""])[0] != stamp:
-            kept[str(path)] = [stamp, *_parse_syntax(content, name, path)]
-        _, digest, imports, passes_on = kept[str(path)]
-    return CodeModule(path, digest, tuple((module, member) for module, member in imports), passes_on)
-
-
-def _parse_syntax(content: bytes, name: str, path: Path) -> tuple[str, list[tuple[str, str]], bool]:
-    """Return the fields of a module, without its path."""
-    collecting = gc.isenabled()
-    gc.disable()  # a tree is many small objects, none of which can go yet
-    try:
-        tree = ast.parse(content)
-        said: list[str] = []
-        imports: list[ast.Import | ast.ImportFrom] = []
-        _collect_syntax(tree, said, imports)
-    finally:
-        if collecting:
-            gc.enable()
+        collecting = gc.isenabled()
+        gc.disable()  # a tree is many small objects, none of which can go yet
+        try:
+            tree = ast.parse(path.read_bytes())
+            said: list[str] = []
+            imports: list[ast.Import | ast.ImportFrom] = []
+            _collect_syntax(tree, said, imports)
+        finally:
+            if collecting:
+                gc.enable()
     package = name if path.name == "__init__.py" else name.rpartition(".")[0]
-    return (
+    return CodeModule(
+        path,
         blake2b("\n".join(said).encode(errors="surrogatepass"), digest_size=8).hexdigest(),
-        list(dict.fromkeys(pair for node in imports for pair in _imported_names(node, package))),
+        tuple(dict.fromkeys(pair for node in imports for pair in _imported_names(node, package))),
         path.name == "__init__.py" and all(map(_only_passes_names, tree.body)),
     )
 
@@ -200,43 +180,6 @@ def _imported_names(node: ast.Import | ast.ImportFrom, package: str) -> Iterator
     else:
         module = resolve_name("." * node.level + (node.module or ""), package)
         yield from ((module, alias.name) for alias in node.names)
-
-
-@cache
-def _kept_syntax() -> dict[str, list[Any]]:
-    """Return the parsed modules by path: a digest of name and content, and the fields of `CodeModule`.
-
-    Those of this installation are kept in the user's cache when the process ends, as to parse them takes a second.
-    """
-    own = blake2b(
-        f"{PACKAGES_FOLDER} {sys.version} {content_digest(Path(__file__))}".encode(), digest_size=8
-    ).hexdigest()
-    kept: dict[str, list[Any]] = {}
-    try:
-        file = user_cache_folder() / "streetloom" / f"syntax-{own}.json"
-        atexit.register(_keep_syntax, file, kept)
-        kept |= {
-            path: [stamp, *fields]
-            for path, (stamp, *fields) in json.loads(file.read_bytes()).items()
-            if len(fields) == 3
-        }
-    except (InputError, OSError, ValueError, TypeError, AttributeError):  # the file is damaged
-        pass
-    return kept
-
-
-def _keep_syntax(file: Path, kept: dict[str, list[Any]]) -> None:
-    own = {path: kept[path] for path in sorted(kept) if Path(path).is_relative_to(PACKAGES_FOLDER)}
-    text, written = json.dumps(own).encode(), file.with_name(f"{file.name}.{os.getpid()}")
-    with suppress(OSError):
-        if file.is_file() and file.read_bytes() == text:
-            return
-        file.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            written.write_bytes(text)
-            written.replace(file)
-        finally:
-            written.unlink(missing_ok=True)
 
 
 @cache

@@ -56,7 +56,7 @@ def fill_with_door(
 def lengthen_doors(
     image: UInt8Array, labels: UInt8Array, hidden: BoolArray, metres_per_pixel: float
 ) -> tuple[UInt8Array, UInt8Array]:
-    """Stretch what is seen of doors, with the wall beside them, over their hidden feet; a door that is mostly hidden is plain.
+    """Stretch the visible part of each door, with the wall beside it, over its hidden foot; paint a door that is mostly hidden.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def draw_plain_door(shape: tuple[int, int], metres_per_pixel: float, rng: np.ran
     glazed, planked = rng.random() < ENTRANCES.glazed_probability, rng.random() < ENTRANCES.planked_probability
     inner = (ENTRANCES.frame_m + ENTRANCES.rail_m, wide - ENTRANCES.frame_m - ENTRANCES.rail_m)
 
-    def grooved(left: float, right: float, upper: float, lower: float) -> BoolArray:
+    def is_in_groove(left: float, right: float, upper: float, lower: float) -> BoolArray:
         side_distance = np.minimum(np.abs(across - left), np.abs(across - right))
         over = np.minimum(np.abs(down - upper), np.abs(down - lower))
         within = (
@@ -123,15 +123,15 @@ def draw_plain_door(shape: tuple[int, int], metres_per_pixel: float, rng: np.ran
             & (down > upper - ENTRANCES.groove_m)
             & (down < lower + ENTRANCES.groove_m)
         )
-        is_groove: BoolArray = within & (np.minimum(side_distance, over) < ENTRANCES.groove_m)
-        return is_groove
+        found: BoolArray = within & (np.minimum(side_distance, over) < ENTRANCES.groove_m)
+        return found
 
     parts = [(0.18 * high, 0.5 * high), (0.58 * high, 0.92 * high)]
     if planked:
         tone *= np.where((across - ENTRANCES.frame_m) % ENTRANCES.plank_m < ENTRANCES.groove_m, 0.7, 1.0)
     else:
         for upper, lower in parts:
-            tone *= np.where(grooved(*inner, upper, lower), 0.68, 1.0)
+            tone *= np.where(is_in_groove(*inner, upper, lower), 0.68, 1.0)
     door: Float64Array = tone[..., None] * colour
     if glazed:
         (upper, lower) = parts[0]

@@ -159,30 +159,9 @@ def test_one_thread_parses_at_a_time_and_without_the_garbage_collector(monkeypat
         return parse(source)
 
     monkeypatch.setattr(code_modules.ast, "parse", slow_parse)
-    monkeypatch.setattr(code_modules, "_kept_syntax", dict)
     with ThreadPoolExecutor(8) as threads:
         found = list(threads.map(lambda path: code_modules._parse_module("facade_core.m", path, -1), paths))
     assert [one.path for one in found] == paths
     assert max(side_by_side) == 1
     assert not any(collected)
     assert gc.isenabled()
-
-
-@pytest.mark.parametrize("damage", [b"\xff\xfe", b"[]", b'{"a": ["b"]}'])
-def test_a_damaged_file_of_kept_syntax_is_written_anew(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, damage: bytes
-) -> None:
-    monkeypatch.setattr(code_modules, "user_cache_folder", lambda: tmp_path)
-    monkeypatch.setattr(code_modules.atexit, "register", lambda *_: None)
-    kept = code_modules._kept_syntax.__wrapped__
-    path = ROOT / "facade_core" / "core" / "ties.py"
-    file = tmp_path / "kept.json"
-    code_modules._keep_syntax(file, {str(path): ["stamp", "digest", [], False], "/elsewhere/m.py": ["", "", [], False]})
-    whole = file.read_bytes()
-    assert b"elsewhere" not in whole
-    file.write_bytes(damage)
-    code_modules._keep_syntax(file, {str(path): ["stamp", "digest", [], False]})
-    assert file.read_bytes() == whole
-    assert [one.name for one in tmp_path.iterdir()] == ["kept.json"]
-    monkeypatch.setattr(code_modules.Path, "read_bytes", lambda _: damage)
-    assert kept() == {}
