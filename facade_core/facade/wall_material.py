@@ -86,20 +86,10 @@ def wall_colour_field(image: Float32Array, wall: Float32Array, sigma: float) -> 
     return field
 
 
-def paint_plaster(shown: UInt8Array, colour: Float64Array, sigma: float, most: float) -> UInt8Array:
-    """Return (h, w, 3) plaster of a colour, as rough as a shown wall.
-
-    Parameters
-    ----------
-    shown : (h, w, 3) uint8 wall whose stripes and spots would repeat.
-    colour : (3,) 0..255.
-    sigma : largest grain, pixels.
-    most : greatest deviation of its light, grey levels.
-    """
-    light = shown.astype(np.float32).mean(axis=2)
-    rough = min(most, float(np.std(light - cv2.GaussianBlur(light, (0, 0), sigma))))
-    grain = rough * np.random.default_rng(0).standard_normal(light.shape)
-    plaster: UInt8Array = np.clip(np.rint(colour + grain[..., None]), 0, 255).astype(np.uint8)
+def paint_plaster(shape: tuple[int, int], colour: Float64Array, grain: float) -> UInt8Array:
+    """Return (h, w, 3) plaster of a colour (3,), whose light deviates by a grain, grey levels."""
+    light = grain * np.random.default_rng(0).standard_normal((*shape, 1))
+    plaster: UInt8Array = np.clip(np.rint(colour + light), 0, 255).astype(np.uint8)
     return plaster
 
 

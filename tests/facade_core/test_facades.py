@@ -246,8 +246,8 @@ def test_bare_wall_above_a_low_storey_is_plain(style: ExemplarAnalysis) -> None:
     foot = round(attic / MPP)
     assert (labels[:foot] == FacadeClass.WALL).all()
     plain = image[round(0.2 / MPP) : foot - round(0.2 / MPP)].mean(axis=(1, 2))
-    assert np.ptp(plain) < FLOORS.max_grain
-    assert image[foot - 1].mean() > plain.max() + FLOORS.max_grain > plain.min() > image[foot].mean(), "over a ledge"
+    assert np.ptp(plain) < FLOORS.grain
+    assert image[foot - 1].mean() > plain.max() + FLOORS.grain > plain.min() > image[foot].mean(), "over a ledge"
 
 
 def test_storeys_meet_round_the_corners_and_are_of_a_storeys_height(plan: Plan, style: ExemplarAnalysis) -> None:

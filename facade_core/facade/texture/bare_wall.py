@@ -22,7 +22,7 @@ def plaster_bare_wall(
 ) -> None:
     """Plaster the bare wall above floors in the colour of the wall below it, on a ledge, in place.
 
-    It repeats a narrow pier, whose shade and remains of ornament would repeat too; the ledge covers where ornament is cut.
+    The pier that it repeats is narrow: its shade and remains of ornament would repeat too. The ledge covers cut ornament.
     """
     for wall_floor, own in zip(stack, floor_rows(stack), strict=True):
         if wall_floor.attic == 0:
@@ -33,7 +33,7 @@ def plaster_bare_wall(
         if band.start == band.stop or not wall.any():
             continue
         colour = lit_colour(image[beside][wall])
-        image[band] = paint_plaster(image[band], colour, FLOORS.grain_m / pixel, FLOORS.max_grain)
+        image[band] = paint_plaster(labels[band].shape, colour, FLOORS.grain)
         labels[band] = FacadeClass.WALL
         _paint_ledge(image, colour, band, pixel)
 

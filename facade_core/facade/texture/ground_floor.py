@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -146,17 +145,6 @@ def _open_door(
     fill_with_door(image, labels, (slice(head, foot), columns), metres_per_pixel, rng)
 
 
-def _clear_bay(image: UInt8Array, labels: UInt8Array, bay: slice, reach: int) -> None:
-    """Replace the elements of a bay of a floor, and the frames so far around them, by its piers, in place."""
-    element = (labels[:, bay] != FacadeClass.WALL).any(axis=0).astype(np.uint8)
-    framed = cv2.dilate(element[None], np.ones((1, 2 * reach + 1), np.uint8))[0] > 0
-    pier = np.flatnonzero(~framed)
-    if len(pier):
-        source = np.resize(np.concatenate([pier, pier[::-1]]), int(framed.sum()))
-        image[:, bay][:, framed] = image[:, bay][:, source]
-        labels[:, bay] = FacadeClass.WALL
-
-
 def _residential_floor(found: FloorsAndBays, labels: UInt8Array) -> slice:
     """Return the rows of the lowest floor with the least of balconies and roof, if possible not the topmost."""
     middle = [i for i, kind in enumerate(found.kinds) if kind == "middle"]
@@ -164,17 +152,10 @@ def _residential_floor(found: FloorsAndBays, labels: UInt8Array) -> slice:
     return min(floors, key=lambda rows: float(np.isin(labels[rows], (FacadeClass.BALCONY, FacadeClass.ROOF)).mean()))
 
 
-def _end_on_wall(
-    image: UInt8Array, labels: UInt8Array, cuts: Sequence[int], metres_per_pixel: float
-) -> tuple[UInt8Array, UInt8Array]:
-    """Replace what is below the windows of a floor, such as cornices and corbels, by the wall beside them.
+def _end_on_wall(image: UInt8Array, labels: UInt8Array, metres_per_pixel: float) -> tuple[UInt8Array, UInt8Array]:
+    """Plaster what is below the windows of a floor, such as cornices and corbels, in the colour of the wall beside them.
 
     A balustrade along the floor goes too, with the windows behind it.
-
-    Parameters
-    ----------
-    image, labels : the floor.
-    cuts : borders of its bays, pixels.
     """
     window = np.flatnonzero((labels == FacadeClass.WINDOW).any(axis=1))
     shown = np.flatnonzero(np.isin(labels, (FacadeClass.WINDOW, FacadeClass.BALCONY)).any(axis=1))
@@ -185,15 +166,11 @@ def _end_on_wall(
     if not (len(window) and len(shown)) or (missing := len(labels) - int(shown[-1]) - 1 - sill) <= 0:
         return image, labels
     band = slice(int(window[0]), min(int(window[-1]), int(shown[-1])) + 1)
-    if band.start >= band.stop:
+    colour = _wall_colour(image, labels, band)
+    if colour is None:
         return image, labels
     image, labels = image.copy(), labels.copy()
-    wall = image[band].copy(), labels[band].copy()
-    for left, right in pairwise(cuts):
-        _clear_bay(*wall, slice(left, right), round(ENTRANCES.door_margin_m / metres_per_pixel))
-    rows = np.resize(np.concatenate([np.arange(len(wall[1]))[::-1], np.arange(len(wall[1]))]), missing)
-    colour, sigma = lit_colour(wall[0].reshape(-1, 3)), FLOORS.grain_m / metres_per_pixel
-    image[-missing:] = paint_plaster(wall[0][rows], colour, sigma, FLOORS.max_grain)
+    image[-missing:] = paint_plaster((missing, labels.shape[1]), colour, FLOORS.grain)
     labels[-missing:] = FacadeClass.WALL
     return image, labels
 
@@ -209,7 +186,7 @@ def _show_windows(
     bays = [slice(a, b) for a, b in pairwise(cuts)]
     plain = [not (labels[source_rows, bay] == FacadeClass.BALCONY).any() for bay in bays]
     gain = _wall_gain(_wall_colour(image, labels, _lowest_upper_floor(found)), _wall_colour(image, labels, source_rows))
-    copied = _end_on_wall(image[source_rows], labels[source_rows], cuts, metres_per_pixel)
+    copied = _end_on_wall(image[source_rows], labels[source_rows], metres_per_pixel)
     new_image, new_labels = (
         np.concatenate([one[:top], np.empty((height, *one.shape[1:]), np.uint8)]) for one in (image, labels)
     )

@@ -58,7 +58,7 @@ class FloorSettings:
     coping_m, coping_light : height of the coping of a plain top and of a ledge, metres, and the light of the coping and of a
         shadow relative to the wall.
     ledge_light : light of a wall relative to its ledge.
-    grain_m, max_grain : largest grain of bare wall, metres, and its greatest deviation in light.
+    grain : deviation of the light of plaster, grey levels.
     max_ground_floor_m : greatest height of a ground floor, metres.
     max_window_share, max_window_loss : largest share of a floor that its windows take, unless they would lose more of their
         height than `max_window_loss`, a share of it.
@@ -74,8 +74,7 @@ class FloorSettings:
     coping_m: float = 0.12
     coping_light: float = 0.6
     ledge_light: float = 0.92
-    grain_m: float = 0.1
-    max_grain: float = 2.5
+    grain: float = 2.5
     max_ground_floor_m: float = 6.0
     max_window_share: float = 0.75
     max_window_loss: float = 0.1
