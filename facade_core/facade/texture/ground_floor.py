@@ -166,9 +166,10 @@ def _end_on_wall(image: UInt8Array, labels: UInt8Array, metres_per_pixel: float)
     if not (len(window) and len(shown)) or (missing := len(labels) - int(shown[-1]) - 1 - sill) <= 0:
         return image, labels
     band = slice(int(window[0]), min(int(window[-1]), int(shown[-1])) + 1)
-    colour = _wall_colour(image, labels, band)
-    if colour is None:
+    is_wall = labels[band] == FacadeClass.WALL
+    if not is_wall.any():
         return image, labels
+    colour = np.median(image[band][is_wall], axis=0)
     image, labels = image.copy(), labels.copy()
     image[-missing:] = paint_plaster((missing, labels.shape[1]), colour, FLOORS.grain)
     labels[-missing:] = FacadeClass.WALL
